@@ -34,7 +34,8 @@ class Body:
     def __init__(self, kind):
         self.kind = kind
         if kind == "chain":
-            # link -> box of points (link frame, m); none within 25 mm of the hinge, which belongs to both links
+            # link -> box of points (link frame, m); none within 25 mm of the hinge, which belongs
+            # to both links
             self.boxes = {"link0": [(-0.05, 0.05), (0.05, 0.23), (-0.03, 0.05)], "link1": [(-0.2, -0.05), (-0.05, 0.05), (-0.02, 0.03)]}
             self.hinges = {"link1": ("link0", "link1")}
             self.speed, self.spin, self.rate = 2.0, 6.0, 8.0

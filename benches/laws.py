@@ -161,7 +161,8 @@ def judge(line):
         return out | {"link"}
     if claims[0].get("kind") != "formula":
         return out | {"curve"}
-    # `times_floor` is in multiples of the program's floor; a model with the true law stands where the twin does
+    # `times_floor` is in multiples of the program's floor; a model with the true law stands where
+    # the twin does
     best = max(line["twin"] / line["floor"], 1.0)
     left = opened.get("times_floor_after") or claims[0].get("times_floor") or float("inf")
     return out | ({"formula"} if left <= FORMULA_WITHIN * best else {"formula, loose"})

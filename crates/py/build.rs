@@ -1,5 +1,5 @@
-//! Linker arguments of an extension module on macOS: its Python symbols are found when it is loaded.
-//! (maturin passes them itself; `cargo build --workspace` does not.)
+//! Linker arguments of an extension module on macOS: its Python symbols are found when it is
+//! loaded. (maturin passes them itself; `cargo build --workspace` does not.)
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");

@@ -74,7 +74,8 @@ fn anchor(heading: &str) -> String {
         .collect()
 }
 
-/// The summary: the template beside this file with the pages that are made from the code, and the findings.
+/// The summary: the template beside this file with the pages that are made from the code, and the
+/// findings.
 pub fn summary(generated: &Pages) -> String {
     let below = |part: &str| -> String {
         let folder = format!("reference/{part}/");

@@ -34,7 +34,8 @@ pub fn module_doc(path: &Path, level: usize) -> String {
     markdown(&lines, level)
 }
 
-/// Documentation lines as Markdown for readers of the book: links into the code become code, doctests become listings.
+/// Documentation lines as Markdown for readers of the book: links into the code become code,
+/// doctests become listings.
 pub fn markdown(lines: &[&str], level: usize) -> String {
     let mut out = String::new();
     let mut fence: Option<bool> = None; // inside a listing; true where it is Rust

@@ -15,7 +15,8 @@ import pinocchio as pin
 RNG = np.random.default_rng(20260701)
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 GRAVITY = np.array([0.3, -0.2, -9.80665])
-# Pinocchio's dynamic parameters: m, mc, Ixx Ixy Iyy Ixz Iyz Izz; ours: m, mc, Ixx Iyy Izz Iyz Izx Ixy.
+# Pinocchio's dynamic parameters: m, mc, Ixx Ixy Iyy Ixz Iyz Izz; ours: m, mc, Ixx Iyy Izz Iyz Izx
+# Ixy.
 OURS_FROM_PIN = [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]
 
 
@@ -140,7 +141,8 @@ def case(name, links, n_frames):
 
 
 def tree():
-    # Branches one after the other: Pinocchio's composite-rigid-body algorithm needs each subtree in one piece.
+    # Branches one after the other: Pinocchio's composite-rigid-body algorithm needs each subtree in
+    # one piece.
     return [
         random_link("root", None, "free", place=False),
         random_link("ball", "root", "spherical"),

@@ -73,7 +73,8 @@ def opensim_reads(out, model_file, trials, work):
         _, ours = storage(t0 + "_ik.mot")
         _, theirs = storage(t0 + "_ik_opensim.mot")
         worst, rms, where, shift, gaps = 0.0, [], "", 0.0, 0.0
-        # Where a marker is missing Aloft carries its pull across the gap and OpenSim leaves it out: told apart here.
+        # Where a marker is missing Aloft carries its pull across the gap and OpenSim leaves it out:
+        # told apart here.
         seen = complete(os.path.join(copy, "MarkerData", trial + ".trc"), model)
         times, seen = seen[0], seen[1]
         whole = on(theirs["time"], times, seen.astype(float)) == 1.0
@@ -246,7 +247,8 @@ def robotics_reads(out, subject, trials):
                     al, ap = pdata.a[jl].angular, pdata.a[jp].angular
                     data.qacc[vat:vat + 3] = al - rl.T @ rp @ ap - np.cross(rl.T @ rp @ wp, rel)
                 else:
-                    # a hinge of the URDF may have its axis turned about; MuJoCo's has the link's own
+                    # a hinge of the URDF may have its axis turned about; MuJoCo's has the link's
+                    # own
                     n = [j for j in pm.names if pm.existJointName(j) and pm.joints[pm.getJointId(j)].nv == 1 and pm.getJointId(j) == pm.frames[fl].parentJoint][0]
                     axis_sign = sign_of(pm, n, mj.jnt_axis[jid], out, subject)
                     scale = 1.0 if n.endswith("_displacement") else np.pi / 180

@@ -29,7 +29,8 @@ PIPELINE = ROOT / "pipelines/demo.yaml"
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target"))
 ALOFT = TARGET / "release" / ("aloft.exe" if os.name == "nt" else "aloft")
 
-# What the notebook's variables hold, and the command that prints it. The commands run in this order.
+# What the notebook's variables hold, and the command that prints it. The commands run in this
+# order.
 COMMANDS = [
     (None, ["run", "PIPELINE"]),
     ("comparison", ["compare", "PIPELINE", "--json"]),

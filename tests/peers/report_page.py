@@ -21,7 +21,8 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 FLAGS = ["--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
          "--disable-component-update", "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
-# runs before everything else on the page: tells when it was loaded, when the first figure of the chapter was drawn, and what went wrong
+# runs before everything else on the page: tells when it was loaded, when the first figure of the
+# chapter was drawn, and what went wrong
 PROBE = """<script>(() => {
   const errors = [];
   addEventListener("error", (e) => errors.push(String(e.message)));

@@ -28,7 +28,8 @@ MARKERS = {
 LATE_FRAMES = 7
 rng = np.random.default_rng(18)
 
-# name, parent, joint, origin, axis, mass, centre of mass, principal inertia, armature, damping, friction
+# name, parent, joint, origin, axis, mass, centre of mass, principal inertia, armature, damping,
+# friction
 LINKS = [
     ("trunk", None, None, (0, 0, 0), None, 3.0, (0.01, -0.005, 0.02), (0.030, 0.022, 0.018), 0, 0, 0),
     ("l_upper", "trunk", "l_shoulder", (0, 0.12, 0.08), (0, 1, 0), 0.7, (0.01, 0.02, -0.09), (0.0030, 0.0031, 0.0006), 0.006, 0.10, 0.15),

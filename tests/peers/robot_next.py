@@ -45,7 +45,8 @@ def main():
         data = mujoco.MjData(model)
         data.qpos[:7] = [0, 0, 2, 1, 0, 0, 0]
         data.qpos[qa] = want[0]
-        # the turn is that of the base; its velocity is such that the centre of mass rises as planned
+        # the turn is that of the base; its velocity is such that the centre of mass rises as
+        # planned
         data.qvel[3:6] = flight["turn_rad_s"]
         mujoco.mj_forward(model, data)
         mujoco.mj_subtreeVel(model, data)

@@ -63,7 +63,8 @@ def main():
                 data = mujoco.MjData(same)
                 data.qpos[:], data.qvel[:] = q[0], v[0]
                 same.opt.timestep = 0.0005
-                # the joints follow the recorded accelerations only in the true model: hold their motion, watch the base
+                # the joints follow the recorded accelerations only in the true model: hold their
+                # motion, watch the base
                 for k in range(min(len(q), 30) - 1):
                     for s in range(20):
                         share = s / 20

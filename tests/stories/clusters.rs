@@ -1,5 +1,5 @@
-//! Rigid plates on the segments and landmarks in the static trial alone (CAST): `markerset draft` finds
-//! the segment of every plate, although the labels say nothing.
+//! Rigid plates on the segments and landmarks in the static trial alone (CAST): `markerset draft`
+//! finds the segment of every plate, although the labels say nothing.
 
 use crate::support::{expect, folder, json};
 use aloft_c3d::{C3dBuilder, C3dFile};

@@ -1,5 +1,5 @@
-//! Plates that are late: the session check finds it unaided, the pipeline's `corrections` take it off,
-//! and the ladder shows what that was worth.
+//! Plates that are late: the session check finds it unaided, the pipeline's `corrections` take it
+//! off, and the ladder shows what that was worth.
 
 use crate::support::{aloft, expect, folder, json, repo};
 use serde_json::Value;

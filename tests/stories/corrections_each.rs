@@ -1,5 +1,5 @@
-//! Every correction hidden in a simulated laboratory: the session check offers it with an interval that
-//! holds the truth; applied, it becomes a rung of the ladder and the error falls.
+//! Every correction hidden in a simulated laboratory: the session check offers it with an interval
+//! that holds the truth; applied, it becomes a rung of the ladder and the error falls.
 
 use crate::support::{aloft, expect, folder, json, unwrapped};
 use serde_json::Value;
@@ -18,8 +18,8 @@ struct Hidden {
     truth: f64,
     /// Motion on which the error has to fall.
     judged_on: &'static str,
-    /// True where the comparison takes a constant off plates that were never unloaded: the constant has
-    /// to fall instead, and the error stays.
+    /// True where the comparison takes a constant off plates that were never unloaded: the constant
+    /// has to fall instead, and the error stays.
     is_constant: bool,
 }
 

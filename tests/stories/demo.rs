@@ -33,7 +33,8 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
     let found = json(&["discover", &demo, "--workspace", &ws, "--json"]);
     assert_eq!(found["verdict"], "supported", "{}", found["words"]);
     assert_eq!(found["effects"][0], "quadratic_drag");
-    // before it is added: no good signal far above the floor, the drag as a suspicion, the command that adds it
+    // before it is added: no good signal far above the floor, the drag as a suspicion, the command
+    // that adds it
     let (page, _) = expect(&["report", &demo, "--workspace", &ws], 0);
     let html = fs::read_to_string(page.trim()).unwrap();
     check_page(&html, &["overview"]);

@@ -1,5 +1,5 @@
-//! Recordings without markers, from `init` to the report: joint motion holds, and neither masses nor
-//! effects are claimed.
+//! Recordings without markers, from `init` to the report: joint motion holds, and neither masses
+//! nor effects are claimed.
 
 use crate::support::{aloft, expect, folder, json, unwrapped};
 use std::fmt::Write;
@@ -18,8 +18,8 @@ fn theia(dir: &Path) -> PathBuf {
     lab
 }
 
-/// The same motion as keypoints in TRC files, Y up, metres: joint centres, feet, and a head above the
-/// neck.
+/// The same motion as keypoints in TRC files, Y up, metres: joint centres, feet, and a head above
+/// the neck.
 fn keypoints(theia: &Path, to: &Path) {
     const POINTS: [(&str, &str); 20] = [
         ("Hip", "pelvis.o"),

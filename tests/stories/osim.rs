@@ -32,7 +32,8 @@ fn bodies(text: &str) -> BTreeMap<String, (f64, Vec<f64>)> {
         .collect()
 }
 
-/// Centre of mass of the body in one posture would need the joints: that of the torso stands for it.
+/// Centre of mass of the body in one posture would need the joints: that of the torso stands for
+/// it.
 fn off(found: &BTreeMap<String, (f64, Vec<f64>)>, truth: &BTreeMap<String, (f64, Vec<f64>)>, body: &str) -> f64 {
     let moment = |b: &(f64, Vec<f64>)| b.1.iter().map(|c| c * b.0).collect::<Vec<f64>>();
     let (a, b) = (moment(&found[body]), moment(&truth[body]));

@@ -1,5 +1,5 @@
-//! `effect add` takes what `discover` computed already, bit for bit, and a change that is taken back
-//! brings the results before it back.
+//! `effect add` takes what `discover` computed already, bit for bit, and a change that is taken
+//! back brings the results before it back.
 
 use crate::support::{aloft, expect, folder, repo};
 use std::collections::BTreeMap;

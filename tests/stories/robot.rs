@@ -166,7 +166,8 @@ fn torques_in_other_units_and_a_wrong_mass_are_named() {
     assert!(told.contains("too small for a robot of 6.75 kg"), "{told}");
 }
 
-/// The encoder of one shoulder reads 0.05 rad too much in every recording: the search names it and its size.
+/// The encoder of one shoulder reads 0.05 rad too much in every recording: the search names it and
+/// its size.
 #[test]
 fn an_encoder_with_a_wrong_zero_is_found() {
     let dir = folder();

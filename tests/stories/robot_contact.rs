@@ -1,4 +1,5 @@
-//! Contact sensors of a robot: flights end where they say so, and one that says contact in free fall is named and not used.
+//! Contact sensors of a robot: flights end where they say so, and one that says contact in free
+//! fall is named and not used.
 
 use crate::robot::copy;
 use crate::support::{expect, folder, repo};

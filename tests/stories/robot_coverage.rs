@@ -1,5 +1,6 @@
-//! How often 95 % intervals of base parameters hold the truth: simulated robots whose inertias are drawn from the
-//! prior that the pipeline states, flights and noise of their own for every seed, through the whole program.
+//! How often 95 % intervals of base parameters hold the truth: simulated robots whose inertias are
+//! drawn from the prior that the pipeline states, flights and noise of their own for every seed,
+//! through the whole program.
 
 use crate::robot_next::{True, record, truth};
 use crate::support::{expect, folder, json, repo};
@@ -13,7 +14,8 @@ use rand_distr::{Distribution, StandardNormal};
 use std::fs;
 use std::path::Path;
 
-/// Spread of the fixture's pipeline: masses, centres of mass (m), radii of gyration; shears have half of that of radii.
+/// Spread of the fixture's pipeline: masses, centres of mass (m), radii of gyration; shears have
+/// half of that of radii.
 const SPREAD: [f64; 3] = [0.15, 0.012, 0.12];
 const FLIGHTS: usize = 3;
 
@@ -46,7 +48,8 @@ impl Draws {
     }
 }
 
-/// Numbers of intervals that hold the truth, of all intervals, and the sum of squared errors in standard errors.
+/// Numbers of intervals that hold the truth, of all intervals, and the sum of squared errors in
+/// standard errors.
 fn one(seed: u64, recordings: usize) -> (usize, usize, f64) {
     let nominal = fs::read_to_string(repo("fixtures/robot/model/nominal.urdf")).unwrap();
     let nominal = RobotModel::parse("nominal.urdf", &nominal).unwrap();
@@ -84,8 +87,8 @@ fn one(seed: u64, recordings: usize) -> (usize, usize, f64) {
     (inside, count, squares)
 }
 
-/// Share of intervals that hold the truth, with its standard error from the spread among robots, and the root mean
-/// square error in standard errors.
+/// Share of intervals that hold the truth, with its standard error from the spread among robots,
+/// and the root mean square error in standard errors.
 fn coverage(seeds: std::ops::Range<u64>, recordings: usize) -> (f64, f64, f64) {
     let each: Vec<(usize, usize, f64)> = seeds.map(|s| one(s, recordings)).collect();
     let shares: Vec<f64> = each.iter().map(|e| e.0 as f64 / e.1 as f64).collect();

@@ -1,4 +1,5 @@
-//! Laws of a robot's joints: hidden in simulated logs they are named with the joint, added, and gone; clean logs show none.
+//! Laws of a robot's joints: hidden in simulated logs they are named with the joint, added, and
+//! gone; clean logs show none.
 
 use crate::robot::copy;
 use crate::robot_coverage::Draws;
@@ -19,7 +20,8 @@ const FLIGHTS: usize = 4;
 /// Torque that a hidden law takes at a coordinate and rate.
 type Hidden = Option<(&'static str, fn(f64, f64) -> f64)>;
 
-/// A laboratory with three recordings of four flights. The drives follow their motion, so that a hidden law is in the torques.
+/// A laboratory with three recordings of four flights. The drives follow their motion, so that a
+/// hidden law is in the torques.
 fn laboratory(data: &Path, seed: u64, hidden: Hidden) {
     copy(Path::new(&repo("fixtures/robot/model")), &data.join("model"));
     fs::copy(repo("fixtures/robot/robot.yaml"), data.join("robot.yaml")).unwrap();

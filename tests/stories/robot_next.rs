@@ -1,5 +1,5 @@
-//! A robot's next flights: planned from two recordings, followed by the true robot in a simulation, and the
-//! standard errors that were promised. Also how often intervals hold the truth.
+//! A robot's next flights: planned from two recordings, followed by the true robot in a simulation,
+//! and the standard errors that were promised. Also how often intervals hold the truth.
 
 use crate::support::{expect, folder, json, repo, unwrapped};
 use aloft_body::{BaseParameters, LinkInertia, Model, Phi};

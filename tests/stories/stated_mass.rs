@@ -7,9 +7,9 @@ use std::fs;
 const TRUE_KG: f64 = 72.0;
 const STATED_KG: f64 = 68.5;
 
-/// The exercise of the fixture never unloads the plates, so that a constant is taken off it; a weight
-/// that the body does not have must not pass for such a constant. The command that `discover` proposes
-/// takes the error to its floor, although the pipeline identifies from flights.
+/// The exercise of the fixture never unloads the plates, so that a constant is taken off it; a
+/// weight that the body does not have must not pass for such a constant. The command that
+/// `discover` proposes takes the error to its floor, although the pipeline identifies from flights.
 #[test]
 fn a_wrong_mass_shows_on_the_plates_and_the_proposed_effect_mends_it() {
     let dir = folder();

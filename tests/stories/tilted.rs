@@ -1,5 +1,5 @@
-//! A tilt of gravity that hardly shows in flight: a force that imitates soft tissue there, and would
-//! spoil the agreement with the plates, must not be named.
+//! A tilt of gravity that hardly shows in flight: a force that imitates soft tissue there, and
+//! would spoil the agreement with the plates, must not be named.
 
 use crate::support::{expect, folder, json, repo};
 

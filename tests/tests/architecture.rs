@@ -256,3 +256,25 @@ fn no_import_circle_has_more_than_three_files() {
     // the search for names works
     assert!(checked > 500, "{checked} uses");
 }
+
+/// Comments have at most 100 columns; tables, code and single long words may have more.
+#[test]
+fn comments_have_at_most_100_columns() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut comments = 0;
+    for folder in ["crates", "tests"] {
+        for (file, text) in sources(&root.join(folder)) {
+            let mut code = false;
+            for (i, line) in text.lines().enumerate() {
+                let Some(comment) = line.trim_start().strip_prefix("//") else { continue };
+                let comment = comment.trim_start_matches(['/', '!']).trim();
+                comments += 1;
+                code ^= comment.starts_with("```");
+                let long = line.chars().count() > 100 && comment.contains(' ');
+                let free = code || comment.starts_with('|') || comment.starts_with('[');
+                assert!(!long || free, "{file}:{}: a comment of {} columns", i + 1, line.chars().count());
+            }
+        }
+    }
+    assert!(comments > 10_000, "{comments} comments");
+}

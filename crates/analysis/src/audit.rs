@@ -1,8 +1,8 @@
 //! `audit`: whether an OpenSim model balances with its own motion, in flight and on plates.
 //!
 //! In flight the motion of all bodies together needs no force but gravity, on plates just the
-//! measured one, whatever the joints and muscles do. The model's masses, its scaled geometry and the
-//! coordinates that its inverse kinematics gave are judged together by what is left over.
+//! measured one, whatever the joints and muscles do. The model's masses, its scaled geometry and
+//! the coordinates that its inverse kinematics gave are judged together by what is left over.
 
 use aloft_body::subject::PriorSd;
 use aloft_body::{BaseParameters, ModelMarker, Motion, PersonFacts, Subject};
@@ -53,10 +53,11 @@ pub struct Audit {
     pub flight_error_n: Option<f64>,
     /// The same in contact that the plates measure completely.
     pub contact_error_n: Option<f64>,
-    /// Link by link: the share of the error in contact that a change of this body's inertia alone would
-    /// take away (in flight where there is no contact).
+    /// Link by link: the share of the error in contact that a change of this body's inertia alone
+    /// would take away (in flight where there is no contact).
     pub segments: Vec<SegmentShare>,
-    /// Mass that the plates carry for this motion, kg: median over recordings; none without contact.
+    /// Mass that the plates carry for this motion, kg: median over recordings; none without
+    /// contact.
     pub plates_mass_kg: Option<f64>,
     /// What stands out, in words.
     pub words: Vec<String>,

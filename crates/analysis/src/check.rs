@@ -33,7 +33,8 @@ pub struct Check {
     pub remarks: Vec<String>,
     /// Consistency of the recordings; no lines before a run.
     pub session: SessionCheck,
-    /// Corrections that these measurements offer; applied only where the pipeline's `corrections` say so.
+    /// Corrections that these measurements offer; applied only where the pipeline's `corrections`
+    /// say so.
     pub offers: Vec<Offer>,
 }
 

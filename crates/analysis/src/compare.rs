@@ -34,7 +34,8 @@ pub struct ComparisonView {
     pub left_out: Vec<LeftOut>,
     /// Summary of the compared parameters.
     pub parameters: ParametersBrief,
-    /// What the comparison cannot say because parts of the body move unseen; empty for a whole body.
+    /// What the comparison cannot say because parts of the body move unseen; empty for a whole
+    /// body.
     pub limits: Vec<String>,
     /// Kinematics: marker RMS and flights of each trial.
     pub kinematics: Vec<KinematicsRow>,
@@ -45,7 +46,8 @@ pub struct ComparisonView {
 }
 
 impl ComparisonView {
-    /// True where a search for what is missing has nothing to hold out: one flight or recording alone.
+    /// True where a search for what is missing has nothing to hold out: one flight or recording
+    /// alone.
     pub fn too_few_to_ask(&self) -> bool {
         let trials = &self.comparison.first.trials;
         let judged = trials.iter().filter(|t| t.flight_weak.windows + t.contact_weak.windows > 0).count();
@@ -82,7 +84,8 @@ pub struct ImpulseMassView {
 /// What calibration changed in the geometry and how much it reduced the marker error.
 #[derive(Debug, Clone, Serialize)]
 pub struct CalibrationView {
-    /// Whether the calibrated geometry is used (`calibrate: {enabled: auto}` keeps it when held-out marker error falls).
+    /// Whether the calibrated geometry is used (`calibrate: {enabled: auto}` keeps it when held-out
+    /// marker error falls).
     pub used: bool,
     /// Marker RMS on frames that were not used for calibration: landmark geometry, calibrated
     /// geometry; m.
@@ -115,8 +118,8 @@ pub struct ParametersBrief {
     pub to_do: Option<String>,
     /// Body mass, kg.
     pub mass_kg: f64,
-    /// Why nothing was identified, so that the compared model is the table's body; none if something
-    /// was.
+    /// Why nothing was identified, so that the compared model is the table's body; none if
+    /// something was.
     pub nothing: Option<String>,
 }
 
@@ -228,7 +231,8 @@ pub struct KinematicsRow {
     pub marker_rms_mm: Option<f64>,
     /// Flights.
     pub flights: Option<u64>,
-    /// Mean vertical acceleration of the prior's centre of mass in flight over −g, minus one, percent.
+    /// Mean vertical acceleration of the prior's centre of mass in flight over −g, minus one,
+    /// percent.
     pub gravity_error_percent: Option<f64>,
 }
 

@@ -1,15 +1,15 @@
 //! Effects that flights ask for and contact contradicts.
 //!
 //! Errors that repeat from flight to flight (soft tissue, wrong tables) can be imitated by a force,
-//! and the parameters then absorb the opposite of it. Contact takes no part in the ranking of flights,
-//! so that it is an independent test of what was found there: with the right effect the parameters
-//! become better, and the error in contact falls or stays.
+//! and the parameters then absorb the opposite of it. Contact takes no part in the ranking of
+//! flights, so that it is an independent test of what was found there: with the right effect the
+//! parameters become better, and the error in contact falls or stays.
 
 use crate::held_out::HeldOutError;
 use aloft_discover::Discovery;
 
-/// Error in contact with the effect over that without it, above which contact contradicts it. On the
-/// sets for development the right effects leave less than the error before.
+/// Error in contact with the effect over that without it, above which contact contradicts it. On
+/// the sets for development the right effects leave less than the error before.
 const CONTRADICTED: f64 = 1.15;
 
 /// What is refused, and why.

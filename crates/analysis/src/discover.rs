@@ -206,9 +206,9 @@ impl Evidence {
     }
 }
 
-/// Gives every trial the plates of the whole session, in the order of their names, so that a plate is
-/// the same one in every trial: a trial in which one was not recorded reads zero there. Returns the
-/// centres, m.
+/// Gives every trial the plates of the whole session, in the order of their names, so that a plate
+/// is the same one in every trial: a trial in which one was not recorded reads zero there. Returns
+/// the centres, m.
 fn same_plates(rows: &mut [TrialRows]) -> Vec<Vector3<f64>> {
     let mut names: Vec<(String, Vector3<f64>)> = Vec::new();
     for row in rows.iter() {
@@ -265,8 +265,8 @@ pub struct DiscoveryView {
     /// Held-out error, noise floor and their ratio of the present model, in flight and in held-out
     /// contact.
     pub errors: Vec<HeldOutError>,
-    /// The same with all effects found added to the model; empty if none was found or if the results
-    /// were not up to date.
+    /// The same with all effects found added to the model; empty if none was found or if the
+    /// results were not up to date.
     pub errors_after: Vec<HeldOutError>,
 }
 

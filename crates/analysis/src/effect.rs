@@ -293,9 +293,9 @@ impl Asked {
     }
 }
 
-/// Writes a law that the last discovery found as a file in the folder `effects` beside the pipeline,
-/// so that it is an effect of the user's own. `None` if `key` names no such law, or an effect that
-/// exists already.
+/// Writes a law that the last discovery found as a file in the folder `effects` beside the
+/// pipeline, so that it is an effect of the user's own. `None` if `key` names no such law, or an
+/// effect that exists already.
 fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, PipelineError> {
     let known = EFFECTS.iter().any(|e| e.is_called(key)) || session.own_effects.iter().any(|o| o.spec.id == key);
     let found: Option<Kept<Discovery>> = seal::read_if_there(&session.workspace.join("discovery.json"))?;

@@ -1,6 +1,6 @@
-//! The error of a model as every surface states it: one error, one floor, one ratio for each kind of
-//! motion. `run`, `compare`, `discover`, `history`, the report, exports and all JSON take it from
-//! here.
+//! The error of a model as every surface states it: one error, one floor, one ratio for each kind
+//! of motion. `run`, `compare`, `discover`, `history`, the report, exports and all JSON take it
+//! from here.
 
 use aloft_compare::{AgainstFloor, ModelComparison, Signal};
 use aloft_regressor::weak_windows::force_scale_n;

@@ -125,7 +125,8 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
         && aloft_pipeline::made::as_made(session).config.corrections == last.corrections
     {
         let mut now = reached(session, &compare(session)?)?;
-        // errors of torques are those of the moment when the revision was made, if its results are still the same
+        // errors of torques are those of the moment when the revision was made, if its results are
+        // still the same
         now.joints = last.reached.iter().filter(|r| r.from == now.from).flat_map(|r| r.joints.clone()).collect();
         since_made = last.reached.as_ref().and_then(|made| trials_changed(made, &now, "when it was made"));
         last.reached = Some(now);

@@ -1,4 +1,5 @@
-//! `inspect --values`: the values of markers, plates, computed points and analog channels of a file.
+//! `inspect --values`: the values of markers, plates, computed points and analog channels of a
+//! file.
 
 use aloft_c3d::C3dFile;
 use aloft_pipeline::recording::read_file;
@@ -87,9 +88,9 @@ fn items(trial: &Trial, c3d: Option<&C3dFile>) -> Vec<Item> {
     out
 }
 
-/// Reads the values of the named markers, plates, computed points or analog channels; of all markers
-/// without names. Positions are metres and forces newtons in the world of the recording (Z up);
-/// computed points and channels have the file's own units.
+/// Reads the values of the named markers, plates, computed points or analog channels; of all
+/// markers without names. Positions are metres and forces newtons in the world of the recording (Z
+/// up); computed points and channels have the file's own units.
 ///
 /// # Errors
 /// The file cannot be read; a name that it does not have; names with different rates.

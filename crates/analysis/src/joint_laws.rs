@@ -1,4 +1,5 @@
-//! Laws of a robot's joints: what the torques leave in flights that were left out, and which law is missing.
+//! Laws of a robot's joints: what the torques leave in flights that were left out, and which law is
+//! missing.
 
 use crate::results::{Made, with_results};
 use aloft_discover::{DiscoverOptions, Discovery, JointDiscovery, JointInput, JointSearch, Verdict, discover_joints};
@@ -28,7 +29,8 @@ impl JointSearch for Torques<'_> {
     }
 }
 
-/// Calls `work` with the torques of a robot's joints; none where a log holds no torques, or they are not used.
+/// Calls `work` with the torques of a robot's joints; none where a log holds no torques, or they
+/// are not used.
 fn with_torques<T>(
     session: &SubjectSession,
     work: impl FnOnce(&Made<'_>, &JointTorques<'_>) -> Result<T, StageFailure>,
@@ -55,8 +57,8 @@ fn waits_for(body: &Discovery) -> Option<String> {
     }
 }
 
-/// Searches the joints for missing laws; none without torques, or if only effects of the body are asked for. `body` is the
-/// answer for the rows of the body.
+/// Searches the joints for missing laws; none without torques, or if only effects of the body are
+/// asked for. `body` is the answer for the rows of the body.
 pub(crate) fn joint_laws(
     session: &SubjectSession,
     body: &Discovery,
@@ -94,7 +96,8 @@ pub(crate) fn joint_laws(
     })
 }
 
-/// Held-out error and floor of every joint with the laws of the present model; empty without torques.
+/// Held-out error and floor of every joint with the laws of the present model; empty without
+/// torques.
 pub(crate) fn joint_errors(session: &SubjectSession) -> Result<Vec<JointReached>, PipelineError> {
     let found = with_torques(session, |made, torques| {
         let known = KnownEffects::of(&session.own_effects, &torques.scene)?;

@@ -1,8 +1,8 @@
 //! `parameters --assess` for robots: trajectories of the joints for the flights to record next.
 //!
 //! Limits, noise, posture and turn come from the recordings where nothing states them. The
-//! trajectories are written to `next_flights` in the workspace as CSV, and with `--next-flights DIR` to a folder of
-//! the user's.
+//! trajectories are written to `next_flights` in the workspace as CSV, and with `--next-flights
+//! DIR` to a folder of the user's.
 
 use crate::assess;
 use crate::results::Made;
@@ -69,7 +69,8 @@ impl PlanInputs<'_> {
         None
     }
 
-    /// Plans flights and writes their trajectories to the workspace; none if no flight keeps the limits.
+    /// Plans flights and writes their trajectories to the workspace; none if no flight keeps the
+    /// limits.
     fn plan(&self) -> Result<Option<NextFlights>, StageFailure> {
         let (model, robot) = (&self.subject.model, &self.setup.model);
         let phi: Vec<Phi> = self.parameters.links.iter().map(|l| l.inertia().to_phi()).collect();
@@ -243,7 +244,8 @@ fn write(folder: &Path, found: &NextFlights, setup: &RobotSetup, rate_hz: f64) -
 /// Copies the planned trajectories to a folder of the user's, which may hold other files.
 ///
 /// # Errors
-/// A request without a robot, one for which no flight was planned, and a file that is there already.
+/// A request without a robot, one for which no flight was planned, and a file that is there
+/// already.
 pub fn copy_to(session: &SubjectSession, dir: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     refuse_without_robot(session)?;
     let found = assess::stored(session)?;

@@ -1,5 +1,5 @@
-//! What a change would give, before it is made: the stages that `run` and `effect add` run, on a copy
-//! of the workspace, so that the promised number is the one that the ladder shows afterwards.
+//! What a change would give, before it is made: the stages that `run` and `effect add` run, on a
+//! copy of the workspace, so that the promised number is the one that the ladder shows afterwards.
 
 use crate::compare::{ComparisonView, compare};
 use crate::discover::Volume;
@@ -128,8 +128,8 @@ pub struct Tried {
     pub trials: usize,
 }
 
-/// A model with these effects and changes, computed by the stages that `run` and `effect add` run, on
-/// a copy of the workspace.
+/// A model with these effects and changes, computed by the stages that `run` and `effect add` run,
+/// on a copy of the workspace.
 ///
 /// # Errors
 /// Changes that cannot be made; stages that fail with them.
@@ -173,7 +173,8 @@ pub(crate) fn with_reference(session: &SubjectSession) -> Result<SubjectSession,
 pub(crate) enum Keep {
     /// Nothing.
     Nothing,
-    /// The results that depend on the model's effects, so that `effect add` need not compute them again.
+    /// The results that depend on the model's effects, so that `effect add` need not compute them
+    /// again.
     Forecast,
 }
 
@@ -224,8 +225,8 @@ fn clear_abandoned(folder: &Path) {
     }
 }
 
-/// Files beside the stages' folders that the copy needs: the layout of the workspace, and the hashes
-/// of recordings that were read before.
+/// Files beside the stages' folders that the copy needs: the layout of the workspace, and the
+/// hashes of recordings that were read before.
 const ALSO: [&str; 2] = [aloft_workspace::format::MARKER, "inputs.json"];
 
 /// The stages' results below another folder: links to the same files where the file system has

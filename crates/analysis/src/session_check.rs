@@ -1,8 +1,9 @@
 //! The session check: what the recordings say about themselves before any model is judged. Times,
 //! weights, zeros, vertical, labels and markers, each with its interval and what it should be.
 //!
-//! Everything comes from results of the stages `import`, `ik` and `flight`; nothing is computed from
-//! an identified model. A line without an interval is a reading, not a measurement with known error.
+//! Everything comes from results of the stages `import`, `ik` and `flight`; nothing is computed
+//! from an identified model. A line without an interval is a reading, not a measurement with known
+//! error.
 
 use aloft_flight::{Coverage, FlightReport, ImpulseMass, PlateDelay, PlateTare, TareSource, Unmeasured};
 use aloft_identify::half95;
@@ -166,7 +167,8 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         .collect();
     let by_impulse = mean(&masses).map(|(value, se, n)| {
         let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite());
-        // velocities of a table's centre of mass: 1 % (95 %) beside the scatter, common to all contacts
+        // velocities of a table's centre of mass: 1 % (95 %) beside the scatter, common to all
+        // contacts
         (value, half.map(|h| h.hypot(0.01 * value)), n)
     });
     if let Some((value, half, n)) = by_impulse {
@@ -494,8 +496,8 @@ fn white_noise_mm(markers: &aloft_trial::Markers) -> Option<f64> {
 }
 
 impl SessionLine {
-    /// Digits behind the point that the value deserves: one beyond the first digit of its half interval,
-    /// three digits of a reading, none of a count, and no more than the unit can mean.
+    /// Digits behind the point that the value deserves: one beyond the first digit of its half
+    /// interval, three digits of a reading, none of a count, and no more than the unit can mean.
     pub(crate) fn digits(&self) -> usize {
         let most = match self.unit {
             "exchanges" => 0.0,

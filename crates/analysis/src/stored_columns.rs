@@ -1,9 +1,9 @@
 //! Rows with the columns of all effects that can be switched, stored beside the factors of the
-//! stages: `WORKSPACE/columns/<trial>/`. They take a few seconds to form for a person, and depend on
-//! nothing but the recordings, the settings and the effects.
+//! stages: `WORKSPACE/columns/<trial>/`. They take a few seconds to form for a person, and depend
+//! on nothing but the recordings, the settings and the effects.
 //!
-//! A store is a cache: where it is missing, made from something else, or damaged, the rows are formed
-//! again.
+//! A store is a cache: where it is missing, made from something else, or damaged, the rows are
+//! formed again.
 
 use aloft_compare::WindowRows;
 use aloft_regressor::{Columns, Factor, RowKind, StretchKind};

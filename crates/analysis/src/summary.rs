@@ -184,7 +184,8 @@ pub fn summary(set: &DataSet, words: &str) -> Result<Summary, PipelineError> {
     Ok(Summary { version: 1, rows, reasons, stale })
 }
 
-/// The rows of one subject or session; `words` holds the pipeline and the folders of printed commands.
+/// The rows of one subject or session; `words` holds the pipeline and the folders of printed
+/// commands.
 pub fn rows_of(session: &SubjectSession, words: &str) -> Result<Vec<SummaryRow>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let manifests = Manifests::read_and_examine(session, &ws, STAGES);
@@ -319,7 +320,8 @@ fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, m
     if judged && [row.contact_force_n, row.flight_force_n].iter().flatten().any(|e| *e > COMPARISON_LIMIT * weight) {
         row.reasons.push(QcReason::ComparisonLarge);
     }
-    // remarks that no reason of the list covers; import, ik and flight have their own reasons, the first two for markers only
+    // remarks that no reason of the list covers; import, ik and flight have their own reasons, the
+    // first two for markers only
     let robot = session.robot.is_some();
     let covered = |stage: &str| stage == "flight" || (!robot && matches!(stage, "import" | "ik"));
     let remarks = STAGES.iter().any(|s| {

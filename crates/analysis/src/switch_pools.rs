@@ -1,6 +1,6 @@
-//! The rows of [`crate::switches`] merged for identification: of all trials, and of all but each one.
-//! Each pool also holds its rows rotated ([`RotatedRows`]), from which the parameters for a choice of
-//! effects follow within a millisecond.
+//! The rows of [`crate::switches`] merged for identification: of all trials, and of all but each
+//! one. Each pool also holds its rows rotated ([`RotatedRows`]), from which the parameters for a
+//! choice of effects follow within a millisecond.
 
 use aloft_identify::RotatedRows;
 use aloft_pipeline::stages::identify::{PointEstimate, Predicting};

@@ -37,9 +37,9 @@ pub(crate) fn params_of(session: &SubjectSession, effects: &[ModelEffect]) -> (s
     (stage::Params::of(&with), regressor::Params::of(&with, None))
 }
 
-/// Takes out effects whose columns are not finite in frames in which those of others are: in a joint
-/// matrix they would cost all effects these frames. `finite` holds the number of finite frames of
-/// each effect in each trial.
+/// Takes out effects whose columns are not finite in frames in which those of others are: in a
+/// joint matrix they would cost all effects these frames. `finite` holds the number of finite
+/// frames of each effect in each trial.
 pub(crate) fn drop_without_numbers(
     kept: &[ModelEffect],
     finite: &[Vec<usize>],
@@ -61,8 +61,8 @@ pub(crate) fn drop_without_numbers(
     out
 }
 
-/// Stands for the number of finite frames of an effect that does not act in a trial: its columns are
-/// zero in every frame, also in those outside flights, where nothing is computed.
+/// Stands for the number of finite frames of an effect that does not act in a trial: its columns
+/// are zero in every frame, also in those outside flights, where nothing is computed.
 const DOES_NOT_ACT: usize = usize::MAX;
 
 /// Number of frames with finite columns of each effect, or [`DOES_NOT_ACT`].

@@ -56,8 +56,8 @@ pub enum From {
 pub struct LeftOut {
     /// Whole trials.
     pub trials: Vec<String>,
-    /// Stretches of time: flights that they touch do not identify, windows whose middle is in them do
-    /// not judge.
+    /// Stretches of time: flights that they touch do not identify, windows whose middle is in them
+    /// do not judge.
     pub stretches: Vec<Cut>,
 }
 
@@ -168,8 +168,8 @@ pub struct Switches {
     pub(crate) present: Vec<String>,
 }
 
-/// Hash of what switches depend on: the comparison and all that it was made from, the model, the last
-/// discovery, and the laws of the user's own.
+/// Hash of what switches depend on: the comparison and all that it was made from, the model, the
+/// last discovery, and the laws of the user's own.
 pub fn fingerprint(session: &SubjectSession, drafts: &[OwnEffect]) -> Result<String, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let mut hasher = blake3::Hasher::new();
@@ -192,8 +192,8 @@ pub(crate) fn stop(e: impl std::fmt::Display) -> StageFailure {
     StageFailure::new(e.to_string())
 }
 
-/// The study with the laws that the discovery found and with drafts as effects of its own, and where
-/// each of its own effects comes from.
+/// The study with the laws that the discovery found and with drafts as effects of its own, and
+/// where each of its own effects comes from.
 fn with_laws(
     mut session: SubjectSession,
     asked: &Asked,
@@ -220,8 +220,9 @@ const IMPOSSIBLE: f64 = 0.05;
 const REPLACED: &str = "these effects together can replace the body's weight, so the model cannot be evaluated";
 
 impl Switches {
-    /// Forms the columns of every effect that the last discovery ranked, of the laws that it found, of
-    /// the pipeline's own effects and of `drafts`, and of the effects of the present model. `told` receives how many trials are ready, and how many there are.
+    /// Forms the columns of every effect that the last discovery ranked, of the laws that it found,
+    /// of the pipeline's own effects and of `drafts`, and of the effects of the present model.
+    /// `told` receives how many trials are ready, and how many there are.
     ///
     /// # Errors
     /// Results that are missing or damaged; rows other than weak ones, in which effects have no
@@ -351,8 +352,8 @@ impl Switches {
             .then_some("with these effects contact is used for identification and its weight is re-estimated"))
     }
 
-    /// The model with these effects, identified and judged without `left_out`, in the geometry of the
-    /// present results.
+    /// The model with these effects, identified and judged without `left_out`, in the geometry of
+    /// the present results.
     ///
     /// # Errors
     /// A key without a switch; rows that do not determine the parameters.
@@ -380,7 +381,8 @@ impl Switches {
                 Predicted { trial, errors, counts, remark }
             })
             .collect();
-        // the reading at rest of plates that were never unloaded follows from the model, frame by frame
+        // the reading at rest of plates that were never unloaded follows from the model, frame by
+        // frame
         let present = self.present == keys;
         let known = present || !self.trials.iter().any(|t| t.in_contact && t.offset.is_some());
         let place = |flying: bool| {
@@ -456,8 +458,8 @@ impl Switches {
         Ok(out)
     }
 
-    /// Parameters for predicting a trial, identified without it; those of all trials, with a remark,
-    /// if nothing would be left.
+    /// Parameters for predicting a trial, identified without it; those of all trials, with a
+    /// remark, if nothing would be left.
     fn own(&self, pools: &Pools, t: &Judged, names: &[&str], all: &PointEstimate) -> (PointEstimate, Option<String>) {
         let Some(rest) = pools.without.get(&t.name) else { return (all.clone(), None) };
         match self.solve(rest, names) {
@@ -466,8 +468,8 @@ impl Switches {
         }
     }
 
-    /// Rotated rows answer at once; where there are none, or where these columns cannot be told apart,
-    /// the merged rows are solved as the stages do.
+    /// Rotated rows answer at once; where there are none, or where these columns cannot be told
+    /// apart, the merged rows are solved as the stages do.
     fn solve(&self, pool: &Pool, names: &[&str]) -> Result<PointEstimate, StageFailure> {
         if let Some(found) = pool.estimate(names) {
             return Ok(found);

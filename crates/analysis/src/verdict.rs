@@ -25,8 +25,8 @@ pub fn groups(d: &Discovery) -> String {
     if each.is_empty() { format!("one of {{{}}}", d.effects.join(", ")) } else { each.join(", and ") }
 }
 
-/// The verdict in a few words: `supported: tether`, `one of {wind, tilt}`, `nothing missing` …, and that on the torques of
-/// joints where they were logged.
+/// The verdict in a few words: `supported: tether`, `one of {wind, tilt}`, `nothing missing` …, and
+/// that on the torques of joints where they were logged.
 pub fn words(d: &Discovery) -> String {
     match &d.joints {
         Some(j) => format!("{}; in the torques of joints: {}", of_body(d), j.short()),

@@ -26,7 +26,8 @@ pub struct Verified {
     pub bytes: u64,
     /// Files that differ from what was written.
     pub damaged: Vec<Damage>,
-    /// Results of recordings or stages that the study no longer has, `stage/trial`; nothing reads them.
+    /// Results of recordings or stages that the study no longer has, `stage/trial`; nothing reads
+    /// them.
     pub unused: Vec<String>,
     /// Results that differ from what the pipeline and the recordings would give now.
     pub stale: Vec<NotCurrent>,

@@ -1,16 +1,19 @@
-//! Structural base parameters: the regrouping of the paper for free, spherical, revolute, prismatic and fixed joints.
+//! Structural base parameters: the regrouping of the paper for free, spherical, revolute, prismatic
+//! and fixed joints.
 //!
 //! With a freely moving root, a set of inertial parameters has no effect on the base wrench if and
 //! only if it is a sum of the following: parameters of a child that have the same effect as
 //! parameters of its parent for any motion of their joint (position and velocity), subtracted from
 //! the child and added to the parent. Each joint therefore transfers to the parent
 //!
-//! - revolute: mass, first moment along the axis, and the second moment along the axis (three; with the axis z: m, mc_z, and Iyy
-//!   as diag(Iyy, Iyy, 0)); the child keeps mc_x, mc_y, Ixx−Iyy, Izz, Iyz, Izx, Ixy,
+//! - revolute: mass, first moment along the axis, and the second moment along the axis (three; with
+//!   the axis z: m, mc_z, and Iyy as diag(Iyy, Iyy, 0)); the child keeps mc_x, mc_y, Ixx−Iyy, Izz,
+//!   Iyz, Izx, Ixy,
 //! - spherical: the mass (one); the child keeps nine,
-//! - prismatic: the rotational inertia about the child's origin (six); the child keeps mass and first moment. The mass is *also* counted
-//!   in the parent, at the joint's zero position, so that the first root parameter stays the total mass: the kept `m`
-//!   then is the effect of moving that mass away from there,
+//! - prismatic: the rotational inertia about the child's origin (six); the child keeps mass and
+//!   first moment. The mass is *also* counted in the parent, at the joint's zero position, so that
+//!   the first root parameter stays the total mass: the kept `m` then is the effect of moving that
+//!   mass away from there,
 //! - fixed: all ten.
 //!
 //! No other regrouping is needed: by induction from the leaves, coincident axes along the tree do
@@ -39,7 +42,8 @@ pub struct BaseParameter {
     pub formula: String,
 }
 
-/// The base parameters of a model's six root rows: `φ_B = B φ`, `Y_B = Y K`, with `Y φ = Y_B φ_B` for every motion.
+/// The base parameters of a model's six root rows: `φ_B = B φ`, `Y_B = Y K`, with `Y φ = Y_B φ_B`
+/// for every motion.
 #[derive(Debug, Clone)]
 pub struct BaseParameters {
     /// The parameters in order; the first is always the total mass `M`.
@@ -130,7 +134,8 @@ pub(crate) fn inertia_index(row: usize, column: usize) -> usize {
     }
 }
 
-/// One parameter that a link keeps, as a combination of its regrouped φ and as columns of its block.
+/// One parameter that a link keeps, as a combination of its regrouped φ and as columns of its
+/// block.
 pub(crate) struct KeptParameter {
     /// Name without the link.
     pub name: String,

@@ -5,8 +5,8 @@
 //! the root for forces, world axes about a fixed point for momenta), so that the recursion needs no
 //! change of axes and each link's ten columns follow from its own pose, twist and acceleration.
 //!
-//! FrameBlock are independent and multiplications are not fused with additions: a frame gives the same
-//! numbers in any lane, on every processor.
+//! FrameBlock are independent and multiplications are not fused with additions: a frame gives the
+//! same numbers in any lane, on every processor.
 
 use crate::base_parameters::BaseParameters;
 use crate::regressor::write_base;
@@ -60,10 +60,12 @@ impl FrameBatch {
         Self { level: Level::new(), links: vec![link; model.n_links()] }
     }
 
-    /// Poses, velocities and accelerations in root axes about the root, as [`FrameBatch::base_wrench_rows`] needs them.
+    /// Poses, velocities and accelerations in root axes about the root, as
+    /// [`FrameBatch::base_wrench_rows`] needs them.
     ///
     /// # Panics
-    /// If a slice is shorter than `nq` or `nv`, or the model has more links than the one this scratch was made for.
+    /// If a slice is shorter than `nq` or `nv`, or the model has more links than the one this
+    /// scratch was made for.
     pub fn forward_acceleration(
         &mut self,
         model: &Model,
@@ -75,8 +77,8 @@ impl FrameBatch {
         dispatch!(self.level, simd => forward::<_, true>(simd, model, links, q, v, a, &Vector3::zeros()));
     }
 
-    /// Poses and velocities in world axes about `origin_in_world` (a fixed point), as [`FrameBatch::momentum_rows`] and
-    /// [`FrameBatch::first_moment_rows`] need them.
+    /// Poses and velocities in world axes about `origin_in_world` (a fixed point), as
+    /// [`FrameBatch::momentum_rows`] and [`FrameBatch::first_moment_rows`] need them.
     ///
     /// # Panics
     /// As [`FrameBatch::forward_acceleration`].
@@ -91,8 +93,8 @@ impl FrameBatch {
         dispatch!(self.level, simd => forward::<_, false>(simd, model, links, q, v, v, origin_in_world));
     }
 
-    /// [`State::base_wrench_rows`](crate::State::base_wrench_rows) of every frame: `out[6 * column + row]`. Needs
-    /// [`FrameBatch::forward_acceleration`].
+    /// [`State::base_wrench_rows`](crate::State::base_wrench_rows) of every frame: `out[6 * column
+    /// + row]`. Needs [`FrameBatch::forward_acceleration`].
     ///
     /// # Panics
     /// If `out` does not have 6 n_base entries.
@@ -107,8 +109,8 @@ impl FrameBatch {
         ));
     }
 
-    /// [`State::momentum_rows`](crate::State::momentum_rows) of every frame: `out[6 * column + row]`. Needs
-    /// [`FrameBatch::forward_velocity`].
+    /// [`State::momentum_rows`](crate::State::momentum_rows) of every frame: `out[6 * column +
+    /// row]`. Needs [`FrameBatch::forward_velocity`].
     ///
     /// # Panics
     /// If `out` does not have 6 n_base entries.
@@ -123,8 +125,8 @@ impl FrameBatch {
         ));
     }
 
-    /// [`State::first_moment_rows`](crate::State::first_moment_rows) of every frame: `out[3 * column + row]`. Needs
-    /// [`FrameBatch::forward_velocity`].
+    /// [`State::first_moment_rows`](crate::State::first_moment_rows) of every frame: `out[3 *
+    /// column + row]`. Needs [`FrameBatch::forward_velocity`].
     ///
     /// # Panics
     /// If `out` does not have 3 n_base entries.

@@ -45,7 +45,8 @@ fn force_cross(s: &Vector6<f64>, h: &Vector6<f64>) -> Vector6<f64> {
 }
 
 impl State {
-    /// World twist about the point `fixed` (linear m/s, then angular rad/s) of a unit rate of each velocity: nv entries. Needs poses.
+    /// World twist about the point `fixed` (linear m/s, then angular rad/s) of a unit rate of each
+    /// velocity: nv entries. Needs poses.
     pub fn joint_twists(&self, model: &Model, fixed: &Vector3<f64>) -> Vec<Vector6<f64>> {
         let mut out = Vec::with_capacity(model.nv);
         for (i, link) in model.links.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! Forces and inertia of the whole tree: recursive Newton-Euler, composite rigid bodies, centre of mass.
+//! Forces and inertia of the whole tree: recursive Newton-Euler, composite rigid bodies, centre of
+//! mass.
 
 use crate::inertia::{first_moment, inertia_about_origin, phi_from_parts};
 use crate::rotation::skew;
@@ -35,8 +36,9 @@ fn project(kind: &JointKind, wrench: &Vector6<f64>, tau: &mut [f64]) {
 }
 
 impl State {
-    /// Generalised forces by recursive Newton-Euler: `tau` (length nv). The first six are the base wrench in root axes
-    /// about the root origin, linear then angular. Gravity is included. Needs [`State::forward_acceleration`].
+    /// Generalised forces by recursive Newton-Euler: `tau` (length nv). The first six are the base
+    /// wrench in root axes about the root origin, linear then angular. Gravity is included. Needs
+    /// [`State::forward_acceleration`].
     ///
     /// # Panics
     /// If `phi` has fewer entries than the model has links, or `tau` is shorter than nv.
@@ -81,7 +83,8 @@ impl State {
         (mass, moment / mass)
     }
 
-    /// Velocity of the whole-body centre of mass in the world, m/s. Needs [`State::forward_velocity`].
+    /// Velocity of the whole-body centre of mass in the world, m/s. Needs
+    /// [`State::forward_velocity`].
     pub fn center_of_mass_velocity(&self, phi: &[Phi]) -> Vector3<f64> {
         let (mut mass, mut total) = (0.0, Vector3::zeros());
         for (i, phi) in phi.iter().enumerate() {

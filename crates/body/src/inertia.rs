@@ -3,8 +3,9 @@
 use nalgebra::{Isometry3, Matrix3, Matrix4, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Inertial parameters of one link about its frame origin: `[m, mc_x, mc_y, mc_z, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`
-/// in kg, kg·m, kg·m² (the paper's eq. 4). `Iyz`, `Izx`, `Ixy` are elements of the inertia tensor (with their minus sign).
+/// Inertial parameters of one link about its frame origin: `[m, mc_x, mc_y, mc_z, Ixx, Iyy, Izz,
+/// Iyz, Izx, Ixy]` in kg, kg·m, kg·m² (the paper's eq. 4). `Iyz`, `Izx`, `Ixy` are elements of the
+/// inertia tensor (with their minus sign).
 pub type Phi = SVector<f64, 10>;
 
 /// Names of the entries of [`Phi`], in order.
@@ -50,7 +51,8 @@ pub fn steiner(c: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_diagonal_element(c.norm_squared()) - c * c.transpose()
 }
 
-/// Parameters from mass (kg), first moment (kg·m) and inertia tensor about the frame origin (kg·m²; the upper triangle is read).
+/// Parameters from mass (kg), first moment (kg·m) and inertia tensor about the frame origin (kg·m²;
+/// the upper triangle is read).
 pub fn phi_from_parts(mass_kg: f64, first_moment_kgm: &Vector3<f64>, inertia_origin_kgm2: &Matrix3<f64>) -> Phi {
     let (h, i) = (first_moment_kgm, inertia_origin_kgm2);
     Phi::from([mass_kg, h.x, h.y, h.z, i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(1, 2)], i[(0, 2)], i[(0, 1)]])
@@ -66,8 +68,8 @@ pub fn inertia_about_origin(phi: &Phi) -> Matrix3<f64> {
     Matrix3::new(phi[4], phi[9], phi[8], phi[9], phi[5], phi[7], phi[8], phi[7], phi[6])
 }
 
-/// 4×4 pseudo-inertia `[[Σ, mc],[mcᵀ, m]]`, Σ = ½tr(I)1 − I (Wensing, Kim, Slotine 2017). Positive definite if and only if
-/// a body with positive density everywhere can have these parameters.
+/// 4×4 pseudo-inertia `[[Σ, mc],[mcᵀ, m]]`, Σ = ½tr(I)1 − I (Wensing, Kim, Slotine 2017). Positive
+/// definite if and only if a body with positive density everywhere can have these parameters.
 pub fn pseudo_inertia(phi: &Phi) -> Matrix4<f64> {
     let half_trace = 0.5 * (phi[4] + phi[5] + phi[6]);
     let mut j = Matrix4::zeros();

@@ -6,8 +6,8 @@
 //! and prismatic `[q]`, fixed nothing; velocities `v` hold: free `[linear; angular]` and spherical
 //! `[angular]`, both in the axes of the moving link.
 //!
-//! The ten inertial parameters of a link are those of the paper's eq. 4, about the link-frame origin:
-//! `φ = [m, mc_x, mc_y, mc_z, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`.
+//! The ten inertial parameters of a link are those of the paper's eq. 4, about the link-frame
+//! origin: `φ = [m, mc_x, mc_y, mc_z, Ixx, Iyy, Izz, Iyz, Izx, Ixy]`.
 //!
 //! Other crates build on this one: scaling sets a model's joint positions, inverse kinematics uses
 //! poses and Jacobians, identification uses the rows and [`BaseParameters`], simulation uses the

@@ -82,7 +82,8 @@ pub struct Link {
     pub joint: Joint,
 }
 
-/// A constant kinematic tree: link 0 is the root. Inertias live in [`crate::Subject`] or are passed as slices of [`crate::Phi`].
+/// A constant kinematic tree: link 0 is the root. Inertias live in [`crate::Subject`] or are passed
+/// as slices of [`crate::Phi`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Model {
     /// Name of the model, for messages.
@@ -98,7 +99,8 @@ pub struct Model {
     /// Parts that move and have no link, by the link on which they ride ([`ModelSpec::carries`]).
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub carries: BTreeMap<String, Vec<String>>,
-    /// True if encoders measure the joints (a robot), so that a joint may have a constant error of its own.
+    /// True if encoders measure the joints (a robot), so that a joint may have a constant error of
+    /// its own.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub encoders: bool,
     /// Names of the hinges and slides of a robot, by the name of the link that each carries.
@@ -176,7 +178,8 @@ impl Model {
     }
 
     /// True if every moving part of the body has a link. Only then do the six equations of the base
-    /// hold: a part that moves unseen exerts an unknown force and moment on the link that carries it.
+    /// hold: a part that moves unseen exerts an unknown force and moment on the link that carries
+    /// it.
     pub fn is_whole(&self) -> bool {
         self.carries.values().all(Vec::is_empty)
     }
@@ -308,8 +311,9 @@ impl Model {
         }
     }
 
-    /// Names of the coordinates in `q` order and their units, for tables (`pelvis.x` …, `shank_r.angle`, `torso.qx` …).
-    /// Positions and `displacement` are in m, `angle` in rad, quaternion components have no unit.
+    /// Names of the coordinates in `q` order and their units, for tables (`pelvis.x` …,
+    /// `shank_r.angle`, `torso.qx` …). Positions and `displacement` are in m, `angle` in rad,
+    /// quaternion components have no unit.
     pub fn coordinate_names(&self) -> Vec<String> {
         self.names(|kind| match kind {
             JointKind::Free => &["x", "y", "z", "qx", "qy", "qz", "qw"],
@@ -320,8 +324,8 @@ impl Model {
         })
     }
 
-    /// Names of the velocities in `v` order (`pelvis.vx`, `pelvis.wx`, `torso.wx`, `shank_r.rate` …), in m/s and rad/s;
-    /// a prismatic joint has a `speed`.
+    /// Names of the velocities in `v` order (`pelvis.vx`, `pelvis.wx`, `torso.wx`, `shank_r.rate`
+    /// …), in m/s and rad/s; a prismatic joint has a `speed`.
     pub fn velocity_names(&self) -> Vec<String> {
         self.names(|kind| match kind {
             JointKind::Free => &["vx", "vy", "vz", "wx", "wy", "wz"],

@@ -24,7 +24,8 @@ pub struct Motion {
     /// Distance between measured and model marker, m: `residual_m[frame * n_markers + i]`, NaN if
     /// the marker was missing.
     pub residual_m: Vec<f64>,
-    /// Standard deviation of each velocity-space coordinate from the inverse kinematics' covariance, `q_sd[frame * nv + i]`; may be empty.
+    /// Standard deviation of each velocity-space coordinate from the inverse kinematics'
+    /// covariance, `q_sd[frame * nv + i]`; may be empty.
     pub q_sd: Vec<f64>,
 }
 

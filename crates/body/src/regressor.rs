@@ -1,7 +1,8 @@
 //! Matrices that make forces, momenta and first moments linear in the inertial parameters.
 //!
-//! Each link contributes a block of ten columns; with every vector expressed in one common frame (root axes or world
-//! axes) a block depends on this link alone, so the tree needs no backward pass.
+//! Each link contributes a block of ten columns; with every vector expressed in one common frame
+//! (root axes or world axes) a block depends on this link alone, so the tree needs no backward
+//! pass.
 
 use crate::base_parameters::KeptColumns;
 use crate::rotation::{columns, times, transposed_times};
@@ -92,8 +93,9 @@ impl State {
         out[12..30].fill(0.0);
     }
 
-    /// 6 × 10n regressor of the base wrench (the paper's Y_O): root axes about the root origin, linear then angular,
-    /// `Y φ = F_ext` with gravity on the left. Needs [`State::forward_acceleration`].
+    /// 6 × 10n regressor of the base wrench (the paper's Y_O): root axes about the root origin,
+    /// linear then angular, `Y φ = F_ext` with gravity on the left. Needs
+    /// [`State::forward_acceleration`].
     ///
     /// # Panics
     /// If `out` is not 6 × 10n.
@@ -104,8 +106,9 @@ impl State {
         }
     }
 
-    /// 6 × 10n regressor of the spatial momentum in world axes about `origin_in_world` (a fixed point):
-    /// rows 0-2 linear momentum, rows 3-5 angular momentum. Needs [`State::forward_velocity`].
+    /// 6 × 10n regressor of the spatial momentum in world axes about `origin_in_world` (a fixed
+    /// point): rows 0-2 linear momentum, rows 3-5 angular momentum. Needs
+    /// [`State::forward_velocity`].
     ///
     /// # Panics
     /// If `out` is not 6 × 10n.
@@ -127,7 +130,8 @@ impl State {
         }
     }
 
-    /// The base columns of [`State::base_wrench_regressor`], 6 × n_base, without the full matrix: `Y_B = Y K`.
+    /// The base columns of [`State::base_wrench_regressor`], 6 × n_base, without the full matrix:
+    /// `Y_B = Y K`.
     ///
     /// # Panics
     /// If `out` is not 6 × n_base, or `base` belongs to a larger model.
@@ -180,7 +184,8 @@ impl<const LANES: usize> Entry for [f64; LANES] {
     }
 }
 
-/// Writes base columns link by link; `block` fills the ten columns of one link. `LENGTH` is ten times the number of rows.
+/// Writes base columns link by link; `block` fills the ten columns of one link. `LENGTH` is ten
+/// times the number of rows.
 #[inline(always)]
 pub(crate) fn write_base<const LENGTH: usize, T: Entry>(
     base: &BaseParameters,

@@ -30,7 +30,8 @@ pub fn best_rotation(b: &Matrix3<f64>, tolerance: f64) -> Option<(Matrix3<f64>, 
 /// Least-squares pose that maps the points `local` onto `world`. Both slices have the same length,
 /// and all points are finite.
 ///
-/// None with fewer than three points, or when they lie within `min_spread_m` of a line (root mean square, m).
+/// None with fewer than three points, or when they lie within `min_spread_m` of a line (root mean
+/// square, m).
 pub fn fit_pose(local: &[Vector3<f64>], world: &[Vector3<f64>], min_spread_m: f64) -> Option<Isometry3<f64>> {
     let n = local.len();
     if n < 3 || world.len() != n {

@@ -1,7 +1,8 @@
-//! Rotations and rigid motions as groups: exponential and logarithm, exact at small angles and near half turns.
+//! Rotations and rigid motions as groups: exponential and logarithm, exact at small angles and near
+//! half turns.
 //!
-//! Used by [`crate::Model::integrate`] and [`crate::Model::difference`]; also useful wherever orientations are
-//! interpolated, filtered or averaged.
+//! Used by [`crate::Model::integrate`] and [`crate::Model::difference`]; also useful wherever
+//! orientations are interpolated, filtered or averaged.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
@@ -24,8 +25,8 @@ pub fn quaternion_exp(rotation_rad: &Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::new_unchecked(Quaternion::new(half.cos(), v.x, v.y, v.z))
 }
 
-/// Rotation vector (axis times angle, rad) of a quaternion, with an angle in [0, π]. `q` and `−q` give the same vector;
-/// the length of the quaternion does not matter.
+/// Rotation vector (axis times angle, rad) of a quaternion, with an angle in [0, π]. `q` and `−q`
+/// give the same vector; the length of the quaternion does not matter.
 pub fn quaternion_log(q: &Quaternion<f64>) -> Vector3<f64> {
     // Use one hemisphere: the shorter rotation.
     let (w, v) = if q.scalar() < 0.0 { (-q.scalar(), -q.vector()) } else { (q.scalar(), q.vector().into_owned()) };
@@ -106,8 +107,8 @@ pub(crate) fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
     Matrix3::new(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)
 }
 
-/// The matrix V with `exp([v, ω]) = (exp ω, V(ω) v)`: translation reached by a constant body twist in unit time
-/// (left Jacobian of SO(3)).
+/// The matrix V with `exp([v, ω]) = (exp ω, V(ω) v)`: translation reached by a constant body twist
+/// in unit time (left Jacobian of SO(3)).
 pub fn left_jacobian(omega: &Vector3<f64>) -> Matrix3<f64> {
     let t2 = omega.norm_squared();
     let t = t2.sqrt();

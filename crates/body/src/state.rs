@@ -15,7 +15,8 @@ pub struct State {
     pub world_from_link: Vec<Isometry3<f64>>,
     /// Spatial velocity of each link at its origin in its own axes: linear m/s, angular rad/s.
     pub velocity: Vec<Vector6<f64>>,
-    /// Spatial acceleration (without gravity), as Pinocchio's `data.a`: linear part is d/dt of the body-fixed linear velocity components.
+    /// Spatial acceleration (without gravity), as Pinocchio's `data.a`: linear part is d/dt of the
+    /// body-fixed linear velocity components.
     pub acceleration: Vec<Vector6<f64>>,
     /// Rotation of `world_from_link` as a matrix.
     pub(crate) rotation: Vec<Matrix3<f64>>,
@@ -76,7 +77,8 @@ impl State {
     /// Poses only. Quaternions in `q` need not have unit length.
     ///
     /// # Panics
-    /// If `q` is shorter than `nq`, or the model has more links than the one this state was made for.
+    /// If `q` is shorter than `nq`, or the model has more links than the one this state was made
+    /// for.
     pub fn forward_position(&mut self, model: &Model, q: &[f64]) {
         for (i, link) in model.links.iter().enumerate() {
             let joint = &link.joint;
@@ -179,7 +181,8 @@ impl State {
         self.rotation[link] * (linear(v) + angular(v).cross(point_in_link))
     }
 
-    /// World acceleration (classical, without gravity) of a point of a link, m/s². Needs [`State::forward_acceleration`].
+    /// World acceleration (classical, without gravity) of a point of a link, m/s². Needs
+    /// [`State::forward_acceleration`].
     pub fn point_acceleration_in_world(&self, link: usize, point_in_link: &Vector3<f64>) -> Vector3<f64> {
         let (v, a) = (&self.velocity[link], &self.acceleration[link]);
         let (lin, ang) = (linear(v), angular(v));
@@ -187,7 +190,8 @@ impl State {
         self.rotation[link] * (classical + angular(a).cross(point_in_link) + ang.cross(&ang.cross(point_in_link)))
     }
 
-    /// 3 × nv Jacobian of a point's world position by `v`, written into `out` (columns of joints that do not move the point are zero). Needs poses.
+    /// 3 × nv Jacobian of a point's world position by `v`, written into `out` (columns of joints
+    /// that do not move the point are zero). Needs poses.
     ///
     /// # Panics
     /// If `out` is not 3 × nv.

@@ -50,9 +50,11 @@ pub struct Subject {
     pub model: Model,
     /// Markers and their positions.
     pub markers: Vec<ModelMarker>,
-    /// Prior inertia of each link (anthropometry, geometry), link frames; the masses add up to `facts.mass_kg`.
+    /// Prior inertia of each link (anthropometry, geometry), link frames; the masses add up to
+    /// `facts.mass_kg`.
     pub prior: Vec<LinkInertia>,
-    /// One standard deviation of the prior, relative, of each link's mass, centre of mass (in link lengths) and radii of gyration.
+    /// One standard deviation of the prior, relative, of each link's mass, centre of mass (in link
+    /// lengths) and radii of gyration.
     pub prior_sd: Vec<PriorSd>,
     /// q of the static posture (length nq).
     pub static_q: Vec<f64>,

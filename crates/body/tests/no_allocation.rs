@@ -1,4 +1,5 @@
-//! A frame allocates nothing: positions, velocities, accelerations, Jacobian, forces, inertia matrix and rows.
+//! A frame allocates nothing: positions, velocities, accelerations, Jacobian, forces, inertia
+//! matrix and rows.
 #![allow(clippy::unwrap_used, clippy::panic)] // functions shared by tests may stop them
 
 mod common;

@@ -19,7 +19,8 @@ fn at_time(model: &Model, q: &[f64], v: &[f64], a: &[f64], t: f64) -> (Vec<f64>,
     let step: Vec<f64> = v.iter().zip(a).map(|(v, a)| v * t + 0.5 * a * t * t).collect();
     let mut out = vec![0.0; model.nq];
     model.integrate(q, &step, &mut out);
-    // Body velocity of q ⊕ x(t) differs from ẋ by the right Jacobian, −½[x]ẋ to first order in t, where x ∥ ẋ: nothing to first order.
+    // Body velocity of q ⊕ x(t) differs from ẋ by the right Jacobian, −½[x]ẋ to first order in t,
+    // where x ∥ ẋ: nothing to first order.
     let velocity = v.iter().zip(a).map(|(v, a)| v + a * t).collect();
     (out, velocity)
 }

@@ -1,6 +1,7 @@
 //! Reads every C3D file of a folder and writes it again into another: `rewrite IN OUT`.
 //!
-//! The files in OUT are what foreign readers are asked to read in `tests/peers/c3d_ezc3d.py`. OUT keeps the folders of IN.
+//! The files in OUT are what foreign readers are asked to read in `tests/peers/c3d_ezc3d.py`. OUT
+//! keeps the folders of IN.
 
 #![allow(clippy::print_stderr, reason = "a program for a terminal")]
 

@@ -73,7 +73,8 @@ impl C3dBuilder {
         self.analog_rate_hz = Some(rate_hz);
         self
     }
-    /// Byte order and storage. `point_scale` is the size of one integer step in point units, and of one step of residual.
+    /// Byte order and storage. `point_scale` is the size of one integer step in point units, and of
+    /// one step of residual.
     pub fn stored_as(mut self, byte_order: ByteOrder, storage: Storage, point_scale: f32) -> Self {
         self.file.byte_order = byte_order;
         self.file.storage = storage;
@@ -100,7 +101,8 @@ impl C3dBuilder {
     pub fn computed(self, label: &str, kind: PointKind, unit: &str, xyz: Vec<[f32; 3]>) -> Self {
         self.point(Point { label: label.to_owned(), kind, unit: unit.to_owned(), xyz, ..Point::default() })
     }
-    /// Any point. Residuals and camera masks that are empty become 0 (NaN and 0 where a coordinate is NaN).
+    /// Any point. Residuals and camera masks that are empty become 0 (NaN and 0 where a coordinate
+    /// is NaN).
     pub fn point(mut self, mut point: Point) -> Self {
         if point.residual.is_empty() {
             point.residual =

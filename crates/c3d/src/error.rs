@@ -108,8 +108,8 @@ pub enum WarningKind {
 pub struct Warning<K = WarningKind> {
     /// Kind, on which programs decide.
     pub kind: K,
-    /// Message for people, with the place in the source (in C3D: group, parameter and byte offset if
-    /// useful) and the action taken.
+    /// Message for people, with the place in the source (in C3D: group, parameter and byte offset
+    /// if useful) and the action taken.
     pub message: String,
 }
 

@@ -29,7 +29,8 @@ pub struct C3dFile {
     pub events: Vec<FileEvent>,
     /// Force plates as described (not yet converted to wrenches).
     pub plates: Vec<PlateDescription>,
-    /// Poses of body segments, which markerless software stores (group ROTATION); empty in other files.
+    /// Poses of body segments, which markerless software stores (group ROTATION); empty in other
+    /// files.
     pub poses: SegmentPoses,
     /// Warnings.
     pub warnings: Vec<Warning>,
@@ -41,7 +42,8 @@ pub struct C3dFile {
     pub byte_order: ByteOrder,
     /// Integer or float samples, in the source and in the written file.
     pub storage: Storage,
-    /// POINT:SCALE without its sign: unit of integer coordinates, and of residuals in both storages.
+    /// POINT:SCALE without its sign: unit of integer coordinates, and of residuals in both
+    /// storages.
     pub point_scale: f32,
     /// ANALOG:GEN_SCALE.
     pub analog_general_scale: f64,
@@ -152,18 +154,22 @@ pub struct PlateDescription {
     pub kind: i32,
     /// Corners in the file's point units, world frame of the file.
     pub corners: [[f64; 3]; 4],
-    /// Origin in the file's point units: from the sensor's origin to the centre of the surface, in plate axes (its z is
-    /// usually negative: the plate's z points down). Type 3 holds sensor distances a, b and the depth.
+    /// Origin in the file's point units: from the sensor's origin to the centre of the surface, in
+    /// plate axes (its z is usually negative: the plate's z points down). Type 3 holds sensor
+    /// distances a, b and the depth.
     pub origin: [f64; 3],
     /// Zero-based indices into `analogs`.
     pub channels: Vec<usize>,
-    /// CAL_MATRIX of this plate, `matrix[row][column]` with a row for each output; empty where the file has none.
+    /// CAL_MATRIX of this plate, `matrix[row][column]` with a row for each output; empty where the
+    /// file has none.
     pub calibration: Vec<Vec<f64>>,
-    /// FORCE_PLATFORM:ZERO as stored: first and last frame of the unloaded baseline, 1-based; (0, 0) and (1, 0) mean none.
+    /// FORCE_PLATFORM:ZERO as stored: first and last frame of the unloaded baseline, 1-based; (0,
+    /// 0) and (1, 0) mean none.
     pub zero_frames: [i32; 2],
 }
 
-/// A plate's wrench on the subject, in the file's world axes, SI: force N, moment N·m about the origin of the file's world.
+/// A plate's wrench on the subject, in the file's world axes, SI: force N, moment N·m about the
+/// origin of the file's world.
 #[derive(Debug, Clone, Default)]
 pub struct PlateWrench {
     /// Force on the subject, N, at the analog rate.

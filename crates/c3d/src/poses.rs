@@ -45,7 +45,8 @@ pub(crate) fn stated(groups: &Parameters) -> Option<usize> {
     groups.get("ROTATION", "USED").and_then(|p| p.count()).filter(|n| *n > 0)
 }
 
-/// First byte of the block as the file states it, where the samples end; the file's length without one.
+/// First byte of the block as the file states it, where the samples end; the file's length without
+/// one.
 pub(crate) fn start(groups: &Parameters, samples: usize, length: usize) -> usize {
     let start = groups.get("ROTATION", "DATA_START").and_then(|p| p.count()).filter(|n| *n > 0);
     let start = start.map(|n| (n - 1).saturating_mul(BLOCK)).filter(|s| *s >= samples && *s <= length);

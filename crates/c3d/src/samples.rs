@@ -17,7 +17,8 @@ const TILE_BYTES: usize = 64 * 1024;
 /// A stored point: coordinates and fourth word.
 pub(crate) trait Quad {
     const BYTES: usize;
-    /// Coordinates, residual and camera mask; NaN and 0 where the fourth word is negative as a 16-bit integer.
+    /// Coordinates, residual and camera mask; NaN and 0 where the fourth word is negative as a
+    /// 16-bit integer.
     fn read(bytes: &[u8], scale: f32) -> ([f32; 3], f32, u8);
 }
 

@@ -6,7 +6,8 @@
 //! reaction, a centre of pressure on the plate) and repaired with a warning. Finally the wrench is
 //! rotated into world axes and moved to the world origin.
 //!
-//! Sources: The C3D File Format, User Guide (FORCE_PLATFORM); Kistler's formulae for eight-channel plates (type 3).
+//! Sources: The C3D File Format, User Guide (FORCE_PLATFORM); Kistler's formulae for eight-channel
+//! plates (type 3).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -64,7 +65,8 @@ struct InPlate {
 }
 
 impl C3dFile {
-    /// The calibrated wrench of plate `index` as reaction on the subject, one entry for each analog sample.
+    /// The calibrated wrench of plate `index` as reaction on the subject, one entry for each analog
+    /// sample.
     ///
     /// Types 1 to 4 as described by the format; type 5 is its 6 × 8 calibration matrix times the
     /// eight channels. A baseline range in FORCE_PLATFORM:ZERO is subtracted if it lies inside the
@@ -264,7 +266,8 @@ fn up_axis(file: &C3dFile, frame: &PlateFrame, metres: f64, warn: &mut impl FnMu
             }
             !above
         }
-        // the axes of a screen say nothing certain: Qualisys writes `-Z` into recordings that are Z-up
+        // the axes of a screen say nothing certain: Qualisys writes `-Z` into recordings that are
+        // Z-up
         None => {
             if stated_down {
                 warn(format!(

@@ -226,7 +226,8 @@ fn regress_what_cannot_be_calibrated_says_so() {
     assert!(matches!(file.plate_wrench(1), Err(C3dError::Plate { problem, .. }) if problem.contains("span no plate")));
 }
 
-/// Plates of `subject_a` against the simulator's wrench: 1 N of noise on each of 6 force channels, and drift.
+/// Plates of `subject_a` against the simulator's wrench: 1 N of noise on each of 6 force channels,
+/// and drift.
 #[test]
 fn validate_against_simulated_truth() {
     let Some(folder) = shared_data("") else { return };

@@ -9,7 +9,8 @@ mod values;
 pub use actions::{EffectAction, MarkerSetAction};
 use values::seconds;
 
-/// Learns the mass properties of a moving body from its motion in the air, and finds the physics that a model is missing.
+/// Learns the mass properties of a moving body from its motion in the air, and finds the physics
+/// that a model is missing.
 #[derive(Debug, Parser)]
 #[command(
     name = "aloft",
@@ -45,7 +46,8 @@ pub struct PipelineArgs {
 /// What a command that shows results does with results that are not up to date.
 #[derive(Debug, Args, Clone, Copy)]
 pub struct StrictArgs {
-    /// Exit with 1 where results are stale, missing or damaged (a notice on stderr says so in any case).
+    /// Exit with 1 where results are stale, missing or damaged (a notice on stderr says so in any
+    /// case).
     #[arg(long)]
     pub strict: bool,
 }
@@ -139,7 +141,8 @@ pub enum Command {
         /// Run also what is up to date.
         #[arg(long)]
         force: bool,
-        /// Work beside other runs on the same workspace, each on trials or stages of its own (jobs of a cluster).
+        /// Work beside other runs on the same workspace, each on trials or stages of its own (jobs
+        /// of a cluster).
         #[arg(long)]
         shared: bool,
         /// Wait where another run holds the workspace, instead of saying who it is.
@@ -167,7 +170,8 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Show the grid of trials and stages: ok, warning, stale, damaged, failed, blocked, missing, excluded.
+    /// Show the grid of trials and stages: ok, warning, stale, damaged, failed, blocked, missing,
+    /// excluded.
     #[command(after_help = "Examples:\n  aloft status P.yaml\n  aloft status P.yaml --subject sub-02 --json")]
     Status {
         /// The pipeline.
@@ -180,7 +184,8 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Show the summary: one row a trial with markers, gaps, errors, flights, comparison and reasons of quality control.
+    /// Show the summary: one row a trial with markers, gaps, errors, flights, comparison and
+    /// reasons of quality control.
     #[command(
         after_help = "Examples:\n  aloft summary P.yaml\n  aloft summary P.yaml --subject sub-02 --json\n\nEvery run writes the same table as summary.csv, summary.parquet and summary.txt into the workspace."
     )]
@@ -233,7 +238,8 @@ pub enum Command {
     Inspect {
         /// Recording.
         file: PathBuf,
-        /// Values of these markers, plates, computed points or analog channels, frame by frame (commas between them).
+        /// Values of these markers, plates, computed points or analog channels, frame by frame
+        /// (commas between them).
         #[arg(long, value_name = "NAMES", value_delimiter = ',')]
         values: Vec<String>,
         /// Values as CSV: of all markers, or of those under --values.
@@ -257,10 +263,12 @@ pub enum Command {
         /// Rows to show instead of the pipeline's choice.
         #[arg(long, value_enum)]
         rows: Option<RowsArg>,
-        /// First try other window lengths, added noise (SIMEX) and motions that were not made; the answer stays in the workspace.
+        /// First try other window lengths, added noise (SIMEX) and motions that were not made; the
+        /// answer stays in the workspace.
         #[arg(long)]
         assess: bool,
-        /// Robots: also write the trajectories of the flights to record next to this folder, as CSV to play.
+        /// Robots: also write the trajectories of the flights to record next to this folder, as CSV
+        /// to play.
         #[arg(long, value_name = "DIR", requires = "assess")]
         next_flights: Option<PathBuf>,
         /// Machine-readable output.
@@ -278,10 +286,12 @@ pub enum Command {
         /// Results that are not up to date.
         #[command(flatten)]
         strict: StrictArgs,
-        /// Every way of identifying on the same held-out motion: rows, estimators, landmark and calibrated geometry, tables.
+        /// Every way of identifying on the same held-out motion: rows, estimators, landmark and
+        /// calibrated geometry, tables.
         #[arg(long)]
         estimators: bool,
-        /// Each trial predicted from all others, contact and flight apart: from tables, from flights, from contact, from both.
+        /// Each trial predicted from all others, contact and flight apart: from tables, from
+        /// flights, from contact, from both.
         #[arg(long, conflicts_with = "estimators")]
         leave_one_out: bool,
         /// Only these breakdowns (may be given several times, or as a list with commas).
@@ -294,7 +304,8 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Say which physical effect or measurement artefact is missing, how sure, and what it can be confused with.
+    /// Say which physical effect or measurement artefact is missing, how sure, and what it can be
+    /// confused with.
     #[command(
         after_help = "Examples:\n  aloft discover P.yaml\n  aloft discover P.yaml --without plate_origin\n  aloft discover P.yaml --only tether --only wind --json\n  aloft discover P.yaml --self-test       inject effects into these recordings and count the right names"
     )]
@@ -314,10 +325,12 @@ pub enum Command {
         /// Rank the catalogue only: no search for laws beyond it.
         #[arg(long)]
         closed: bool,
-        /// Time for the search, s (`10` or `10s`): the search for laws beyond the catalogue then begins nothing new, and the answer says that more time may find more.
+        /// Time for the search, s (`10` or `10s`): the search for laws beyond the catalogue then
+        /// begins nothing new, and the answer says that more time may find more.
         #[arg(long, value_name = "SECONDS", value_parser = seconds)]
         budget: Option<f64>,
-        /// Inject effects of known size into these recordings and count how often they come out under their name.
+        /// Inject effects of known size into these recordings and count how often they come out
+        /// under their name.
         #[arg(long)]
         self_test: bool,
         /// More candidates, and how each round was decided.
@@ -345,7 +358,8 @@ pub enum Command {
         /// Results that are not up to date.
         #[command(flatten)]
         strict: StrictArgs,
-        /// Also effects, explainable share, singular values, marker error, changes of base parameters.
+        /// Also effects, explainable share, singular values, marker error, changes of base
+        /// parameters.
         #[arg(long)]
         details: bool,
         /// Machine-readable output.
@@ -382,7 +396,8 @@ pub enum Command {
         #[arg(long)]
         no_open: bool,
     },
-    /// Write files for other programs: OpenSim, C3D, Parquet, CSV, BIDS-Motion, URDF, MuJoCo; a README says what each is.
+    /// Write files for other programs: OpenSim, C3D, Parquet, CSV, BIDS-Motion, URDF, MuJoCo; a
+    /// README says what each is.
     #[command(
         after_help = export_help(),
         long_about = "Write files for other programs. The folder must be new, empty or an earlier export; nothing else is overwritten."
@@ -468,7 +483,8 @@ pub enum Command {
         #[command(subcommand)]
         action: MarkerSetAction,
     },
-    /// Write the pipeline as a Snakefile: each stage of each trial a job, on this machine's cores or on a cluster.
+    /// Write the pipeline as a Snakefile: each stage of each trial a job, on this machine's cores
+    /// or on a cluster.
     #[command(
         after_help = "Examples:\n  aloft workflow P.yaml --out Snakefile\n  snakemake -s Snakefile --cores 8 --keep-going\n  snakemake -s Snakefile --jobs 100 --keep-going --executor slurm --default-resources mem_mb=1000 runtime=10\n  aloft workflow P.yaml --verdict        what is missing or failed; exit code 1 where something is"
     )]

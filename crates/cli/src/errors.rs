@@ -80,7 +80,8 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
     [subject, identified]
 }
 
-/// Lever with which moments count in an error, m, and how many times the force they are to be most of it.
+/// Lever with which moments count in an error, m, and how many times the force they are to be most
+/// of it.
 const LEVER_M: f64 = 0.1;
 const MOSTLY: f64 = 2.0;
 
@@ -180,8 +181,8 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
     if !view.limits.is_empty() {
         return Ok(());
     }
-    // a wrong mass or gain, and what to record, come before the place of the largest error; two lines
-    // of all of them, so that a run ends with twelve
+    // a wrong mass or gain, and what to record, come before the place of the largest error; two
+    // lines of all of them, so that a run ends with twelve
     let first = [weighed(view), to_do(view)];
     let place = if first.iter().all(Option::is_none) { worst(view) } else { None };
     first.into_iter().chain([place, constant(view)]).flatten().take(2).try_for_each(out)

@@ -294,8 +294,8 @@ fn no_better(d: &Discovery) -> Option<String> {
     Some(format!("{}: {verb} {of} as a special case and {fit} no better", names.join(", ")))
 }
 
-/// The kind of motion whose candidates come first: where the named effect was judged, else where the
-/// model stands farthest above its floor.
+/// The kind of motion whose candidates come first: where the named effect was judged, else where
+/// the model stands farthest above its floor.
 fn first_place(view: &DiscoveryView) -> String {
     let d = &view.discovery;
     let named = d.found.first().and_then(|f| d.candidates.iter().find(|c| c.effect == f.effect));

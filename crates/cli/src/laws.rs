@@ -5,8 +5,8 @@ use crate::screen::{labelled, table};
 use crate::stop::Stop;
 use aloft_discover::{Action, FoundLaw, OpenWorld};
 
-/// What the search found: where the error acts, and laws as formulas. `effect add` writes a law into
-/// the folder `effects` beside the pipeline.
+/// What the search found: where the error acts, and laws as formulas. `effect add` writes a law
+/// into the folder `effects` beside the pipeline.
 pub fn laws(found: &OpenWorld) -> Result<(), Stop> {
     out("beyond the catalogue")?;
     if let Some(d) = &found.diagnosis {

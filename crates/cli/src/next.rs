@@ -48,7 +48,8 @@ pub fn show(step: &NextStep, id: &SessionId, args: &PipelineArgs) {
     command("next", &command_for(step, id, args));
 }
 
-/// The command for several subjects and sessions: one for all of them where they have the same step.
+/// The command for several subjects and sessions: one for all of them where they have the same
+/// step.
 pub fn for_all(steps: &[(&SessionId, NextStep)], args: &PipelineArgs) -> String {
     let of_all = |verb: &str, key: Option<&String>| {
         let chosen = [chosen("subject", &args.subject), chosen("session", &args.session)].concat();

@@ -21,8 +21,8 @@ pub fn open(args: &PipelineArgs) -> Result<SubjectSession, Stop> {
     Ok(open_all(args)?.only()?)
 }
 
-/// Opens the one study of a pipeline again and again; the first time here, so that its notes are shown
-/// once.
+/// Opens the one study of a pipeline again and again; the first time here, so that its notes are
+/// shown once.
 pub fn opener(args: &PipelineArgs) -> Result<aloft_studio::Opener, Stop> {
     open(args)?;
     let args = args.clone();

@@ -109,8 +109,8 @@ impl Cell {
 }
 
 /// A table that fits the width: the first column names the row, the others are right-aligned unless
-/// stated. Where it is too wide, the columns that may be left out go first; then the others continue
-/// in a second block below, with the names again.
+/// stated. Where it is too wide, the columns that may be left out go first; then the others
+/// continue in a second block below, with the names again.
 #[derive(Debug)]
 pub struct Grid {
     header: Vec<String>,

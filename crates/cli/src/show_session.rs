@@ -39,7 +39,8 @@ pub fn offers(offers: &[corrections::Offer]) -> Result<(), Stop> {
     out(fitted(&corrections::to_yaml(offers)))
 }
 
-/// YAML with control characters of names made visible, and comments wrapped to the terminal's width.
+/// YAML with control characters of names made visible, and comments wrapped to the terminal's
+/// width.
 fn fitted(text: &str) -> String {
     let lines = text.trim_end().lines().map(|line| {
         let line = visible(line);

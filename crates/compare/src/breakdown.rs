@@ -30,7 +30,8 @@ pub enum GroupedBy {
     Acceleration,
     /// Angular speed of the root, rad/s.
     Turning,
-    /// Radius of gyration of the links' centres of mass about that of the body, m: small when crouched or tucked.
+    /// Radius of gyration of the links' centres of mass about that of the body, m: small when
+    /// crouched or tucked.
     Posture,
 }
 

@@ -94,7 +94,8 @@ pub struct Comparison {
     /// Error of the first model relative to the noise floor: in flight, then in held-out contact.
     #[serde(default)]
     pub against_floor: Vec<AgainstFloor>,
-    /// Error that a perfect model would leave; none where no unfiltered motion was given or no draws were asked for.
+    /// Error that a perfect model would leave; none where no unfiltered motion was given or no
+    /// draws were asked for.
     pub noise_floor: Option<NoiseFloor>,
     /// Options of the comparison.
     pub options: CompareOptions,

@@ -31,7 +31,8 @@ pub struct TareReadings {
 /// Linear drift of the plates, and the times at which a recording shows them unloaded.
 #[derive(Debug, Clone)]
 pub struct PlateDrift {
-    /// Variance of the rate: force ((N/s)²) and moment about the plate's centre ((N·m/s)²), world axes.
+    /// Variance of the rate: force ((N/s)²) and moment about the plate's centre ((N·m/s)²), world
+    /// axes.
     rate: Vector6<f64>,
     /// Centres of the plates, m.
     centers: Vec<Vector3<f64>>,

@@ -10,7 +10,8 @@ use aloft_body::{Phi, State};
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3, Vector6};
 use serde::{Deserialize, Serialize};
 
-/// Measured and predicted wrench of one trial, for plots: root axes about the root origin, force (N) then moment (N·m).
+/// Measured and predicted wrench of one trial, for plots: root axes about the root origin, force
+/// (N) then moment (N·m).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrialSeries {
     /// Name of the trial.

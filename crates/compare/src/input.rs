@@ -19,7 +19,8 @@ pub struct Body<'a> {
     pub prior: &'a [Phi],
 }
 
-/// One model of the body: a name and base parameters, the same for all trials or (leave-one-trial-out) one set for each.
+/// One model of the body: a name and base parameters, the same for all trials or
+/// (leave-one-trial-out) one set for each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Candidate {
     /// Name, for example `identified` or `prior`.

@@ -8,7 +8,8 @@ use aloft_trial::Plate;
 use nalgebra::Vector6;
 use serde::{Deserialize, Serialize};
 
-/// Sum of all plates at the frames of a motion: world force (N) on the body and moment (N·m) about the world origin; NaN where missing.
+/// Sum of all plates at the frames of a motion: world force (N) on the body and moment (N·m) about
+/// the world origin; NaN where missing.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
     /// Filtered with the low-pass of the motion.
@@ -82,8 +83,8 @@ pub fn measured_wrench(
 /// Variance of fourth differences of white noise of variance one: Σ binomial(4, k)².
 pub(crate) const FOURTH_DIFFERENCE: f64 = 70.0;
 
-/// One-sided white density of six interleaved channels by the median absolute fourth difference; exact zeros (plates clipped
-/// when unloaded) do not count.
+/// One-sided white density of six interleaved channels by the median absolute fourth difference;
+/// exact zeros (plates clipped when unloaded) do not count.
 fn noise_density(samples: &[f64], rate_hz: f64) -> [f64; 6] {
     std::array::from_fn(|axis| {
         let x = |i: usize| samples[6 * i + axis];

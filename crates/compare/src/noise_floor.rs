@@ -2,12 +2,12 @@
 //! recordings. Every noise floor shown by the program is this number.
 //!
 //! A perfect model has the body's true parameters, its true geometry and every force that acts; its
-//! remaining error is the error of the measurement. Marker errors ([`PoseErrors`](crate::PoseErrors): camera noise and
-//! soft tissue, as far as markers of a link move relative to each other) are drawn, added to the
-//! motion through inverse kinematics, and processed like the data: the same windows, for frames the
-//! same filter and derivatives. Noise and drift of the plates likewise, from
-//! [`Measured::noise_density`](crate::Measured::noise_density) and
-//! [`PlateDrift`](crate::PlateDrift); where a constant is subtracted from the recording
+//! remaining error is the error of the measurement. Marker errors
+//! ([`PoseErrors`](crate::PoseErrors): camera noise and soft tissue, as far as markers of a link
+//! move relative to each other) are drawn, added to the motion through inverse kinematics, and
+//! processed like the data: the same windows, for frames the same filter and derivatives. Noise and
+//! drift of the plates likewise, from [`Measured::noise_density`](crate::Measured::noise_density)
+//! and [`PlateDrift`](crate::PlateDrift); where a constant is subtracted from the recording
 //! ([`RecordingOffset`](crate::RecordingOffset)), one is subtracted here. One draw is the
 //! difference of the wrenches with and without errors, from one model's parameters. The floor is
 //! the geometric mean of the root mean squares of the draws, and its interval is the range of the
@@ -485,7 +485,8 @@ fn add_windows(
     }
 }
 
-/// Wrench about the world origin whose moments about the paths of the windows fit their errors best, moments over the lever that sizes use.
+/// Wrench about the world origin whose moments about the paths of the windows fit their errors
+/// best, moments over the lever that sizes use.
 fn constant_wrench<'a>(errors: impl Iterator<Item = (&'a Vector3<f64>, &'a Vector6<f64>)>) -> Option<Vector6<f64>> {
     let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
     let weight = Vector6::from_fn(|i, _| if i < 3 { 1.0 } else { MOMENT_LEVER_M.powi(-2) });

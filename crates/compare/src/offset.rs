@@ -18,11 +18,12 @@
 //! centre of mass there is no such reference: a constant error of the horizontal moments is hidden,
 //! up to the size of the offset. The errors as measured are therefore reported as well.
 //!
-//! A constant that the plates do not show elsewhere in the session is no offset: a body heavier than
-//! stated, a gain, a foot beside the plates leave a constant, too. Where other recordings of the
-//! session show the plates unloaded, the constant is limited to the range of their readings
-//! ([`OffsetRange`]), and what exceeds it counts as error of the model. Horizontal moments may exceed
-//! it by the weight times 3 mm, because the mean place of the centre of mass is not known better.
+//! A constant that the plates do not show elsewhere in the session is no offset: a body heavier
+//! than stated, a gain, a foot beside the plates leave a constant, too. Where other recordings of
+//! the session show the plates unloaded, the constant is limited to the range of their readings
+//! ([`OffsetRange`]), and what exceeds it counts as error of the model. Horizontal moments may
+//! exceed it by the weight times 3 mm, because the mean place of the centre of mass is not known
+//! better.
 //!
 //! Means are Huber's M-estimates, about the mean position of the root (where the moments of noise
 //! in the force are small), axis by axis.
@@ -68,8 +69,8 @@ pub struct OffsetRange {
 }
 
 impl OffsetRange {
-    /// From one reading of each other recording: the sum over the plates, force (N) and moment about
-    /// the world origin (N·m), world axes. `None` with fewer than three recordings.
+    /// From one reading of each other recording: the sum over the plates, force (N) and moment
+    /// about the world origin (N·m), world axes. `None` with fewer than three recordings.
     pub fn of(readings: &[Vector6<f64>]) -> Option<Self> {
         let n = readings.len() as f64;
         if readings.len() < 3 {
@@ -135,8 +136,8 @@ impl OffsetSamples {
         self.excess.iter_mut().zip(excess).for_each(|(all, e)| all.push(e));
     }
 
-    /// Offset for each model, limited to `range` for a body of this weight; none where too few frames
-    /// have a value.
+    /// Offset for each model, limited to `range` for a body of this weight; none where too few
+    /// frames have a value.
     pub fn offsets(&self, rate_hz: f64, range: Option<&OffsetRange>, weight_n: f64) -> Vec<Option<RecordingOffset>> {
         let within = |whole: &Vector6<f64>| range.map_or(*whole, |r| r.limit(whole, weight_n));
         self.excess.iter().map(|excess| self.offset(excess, rate_hz, within)).collect()

@@ -5,7 +5,8 @@ use aloft_body::{FrameBatch, FrameBlock, LANES, Motion};
 use nalgebra::{DMatrix, Vector6};
 use std::array::from_fn;
 
-/// `[column of parameters][frame]`: root axes about the root origin. The motion must have derivatives in these frames.
+/// `[column of parameters][frame]`: root axes about the root origin. The motion must have
+/// derivatives in these frames.
 pub(crate) fn wrenches(
     body: &Body<'_>,
     motion: &Motion,

@@ -18,7 +18,8 @@ type Ten = SVector<f64, 10>;
 pub struct SegmentShare {
     /// Name of the link.
     pub link: String,
-    /// Share of the mean square error (moments over a lever of 0.1 m) that a change of this link's parameters explains, 0 to 1.
+    /// Share of the mean square error (moments over a lever of 0.1 m) that a change of this link's
+    /// parameters explains, 0 to 1.
     #[serde(with = "crate::errors::nullable::one")]
     pub inertia_share: f64,
     /// That change, in the order and units of [`aloft_body::PHI_NAMES`]; the smallest one if

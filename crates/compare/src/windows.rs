@@ -89,8 +89,8 @@ impl WindowRows {
     }
 }
 
-/// The held-out error over windows, N: root mean square of the force, with the moment over a lever of
-/// 0.1 m, as [`WindowErrors::size`](crate::WindowErrors::size); with force (N) and moment (N·m)
+/// The held-out error over windows, N: root mean square of the force, with the moment over a lever
+/// of 0.1 m, as [`WindowErrors::size`](crate::WindowErrors::size); with force (N) and moment (N·m)
 /// alone. None without windows.
 pub fn size_of_windows<'a>(errors: impl IntoIterator<Item = &'a Vector6<f64>>) -> Option<(f64, f64, f64, usize)> {
     let mut sums = Sums::default();

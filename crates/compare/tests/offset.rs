@@ -69,7 +69,8 @@ fn exercise(model: &Model) -> Motion {
     Motion { trial: "exercise01".into(), rate_hz: RATE_HZ, nq: 8, nv: 7, q, v, a, ..Motion::default() }
 }
 
-/// The wrench of the true model with 2 N and 0.3 N·m of noise (about the root), world axes about the world origin.
+/// The wrench of the true model with 2 N and 0.3 N·m of noise (about the root), world axes about
+/// the world origin.
 fn plates(model: &Model, m: &Motion, offset: &[f64; 6]) -> Measured {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
     let mut state = State::new(model);

@@ -1,5 +1,5 @@
-//! The search beyond the catalogue as part of a discovery: when it is made, and when its laws replace
-//! what the catalogue names.
+//! The search beyond the catalogue as part of a discovery: when it is made, and when its laws
+//! replace what the catalogue names.
 
 use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
@@ -13,8 +13,8 @@ use crate::session::Session;
 use aloft_effects::{Effect, EffectInstance};
 
 /// Searches for laws beyond the catalogue where flights leave an error above the interval of its
-/// floor, where the catalogue needs effects of several kinds, or where the strength of a named effect
-/// does not follow its law, and lets laws that convince replace what the catalogue names.
+/// floor, where the catalogue needs effects of several kinds, or where the strength of a named
+/// effect does not follow its law, and lets laws that convince replace what the catalogue names.
 pub(crate) fn look_beyond(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],

@@ -97,7 +97,8 @@ pub(crate) fn conclude(
             once.push(id.clone());
         }
     }
-    // what a round named was dropped again beside the effects of later rounds: nothing is named for sure
+    // what a round named was dropped again beside the effects of later rounds: nothing is named for
+    // sure
     let lost = groups.is_empty() && matches!(verdict, Verdict::Supported | Verdict::OneOf);
     let mut candidates: Vec<Candidate> = Vec::new();
     for r in &rounds {
@@ -182,7 +183,8 @@ pub(crate) fn conclude(
             // nothing is missing only where the error is at its floor
             let nothing = kept.is_empty() && verdict == Verdict::NothingMissing;
             let remains = (nothing || lost) && after.is_above();
-            // plates explain nothing of flights: what is above the floor there may be in contact, too
+            // plates explain nothing of flights: what is above the floor there may be in contact,
+            // too
             let only_plates = i == 0 && !kept.is_empty() && !kept.iter().any(|v| v.effect.acts().in_flight());
             if only_plates && has_flights && before.is_above() {
                 return Some((wording::domain(places[i]), before));

@@ -45,7 +45,8 @@ pub fn catalogue() -> Vec<&'static dyn Effect> {
 /// adds the best effect that passes, and repeats until none does.
 ///
 /// # Errors
-/// [`DiscoverError::TooFew`] with fewer than two flights, [`DiscoverError::Numeric`] when the rows do not determine the parameters.
+/// [`DiscoverError::TooFew`] with fewer than two flights, [`DiscoverError::Numeric`] when the rows
+/// do not determine the parameters.
 pub fn discover(
     session: &Session<'_>,
     effects: &[&dyn Effect],
@@ -98,9 +99,9 @@ pub fn discover(
                 at_floor = session.standing[usize::from(domain == Domain::Contact)]
                     .map(|standing| AtFloor { standing, scale: standing.held_out_error / plain.sqrt() });
             }
-            // An error at its floor leaves nothing to explain: further effects would fit errors that
-            // repeat. A rigid body has no such errors, and a small second effect can hide within the
-            // floor's interval.
+            // An error at its floor leaves nothing to explain: further effects would fit errors
+            // that repeat. A rigid body has no such errors, and a small second effect can hide
+            // within the floor's interval.
             let rigid = session.prior.is_none() && domain == Domain::Flight;
             let nothing_left = |f: &AtFloor| if rigid { f.times(plain) <= 1.0 } else { f.reached_by(plain) };
             if !kept.is_empty() && at_floor.as_ref().is_some_and(nothing_left) {
@@ -167,7 +168,8 @@ pub fn discover(
             let refit = Refit { accepted, kept: &kept, found: &found, options };
             let pair = match chosen {
                 Some(rival) if go_on && !enough => {
-                    // an effect that reproduces the named one at the edge of its range is named, too
+                    // an effect that reproduces the named one at the edge of its range is named,
+                    // too
                     let limit_of_named = |id: &str| round.duels.iter().any(|d| d.only_as_limit && d.effect == id);
                     let named = |id: &str| round.effects.iter().any(|e| e == id) || limit_of_named(id);
                     let usable: Vec<bool> = scores
@@ -189,8 +191,8 @@ pub fn discover(
                 }
                 _ => None,
             };
-            // two effects can hide each other: where the best single one leaves the error far above its
-            // floor, or none is accepted, pairs are tried without a winner
+            // two effects can hide each other: where the best single one leaves the error far above
+            // its floor, or none is accepted, pairs are tried without a winner
             let share = if go_on { ((plain - gain) / plain).max(0.0).sqrt() } else { 1.0 };
             let remains = session.standing[usize::from(domain == Domain::Contact)]
                 .map(|s| HeldOutResult { held_out_error: s.held_out_error * share, ..s });

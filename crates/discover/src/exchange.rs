@@ -68,8 +68,8 @@ pub(crate) fn exchange(
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             rng.set_stream(draw as u64);
             let delta: Vec<DVector<f64>> = match turned(session, truth, draw) {
-                // repeating errors of a person stay as they are; an effect without a direction is added
-                // in other sizes
+                // repeating errors of a person stay as they are; an effect without a direction is
+                // added in other sizes
                 None if session.prior.is_some() => {
                     let size = other_size(truth, draw);
                     signal.iter().map(|s| s * (size - 1.0)).collect()
@@ -103,8 +103,8 @@ pub(crate) fn exchange(
     Some(Exchange { mean, sd, least, most })
 }
 
-/// Multiple of its size at which an effect without a direction is added in a draw; of either sign if
-/// its coefficients may have both.
+/// Multiple of its size at which an effect without a direction is added in a draw; of either sign
+/// if its coefficients may have both.
 fn other_size(truth: &Scored<'_>, draw: usize) -> f64 {
     const SIGNED: [f64; DRAWS] = [-1.4, -1.2, -1.0, -0.8, 0.8, 1.2, 1.4];
     const ONE_SIGN: [f64; DRAWS] = [0.6, 0.7, 0.8, 0.9, 1.1, 1.25, 1.4];

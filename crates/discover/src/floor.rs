@@ -1,12 +1,12 @@
 //! White noise of the rows, which identifies fits that are too good.
 //!
-//! The floor in a discovery is that of the comparison ([`crate::HeldOutResult`]): one number for the
-//! whole program. [`white_noise`] is only the mean square of weighted rows caused by white noise of the
-//! coordinates: a candidate whose error is far below it has replaced the body's own weight. The
-//! covariance of that noise is estimated from the recording: the third difference of the steps
-//! between frames is the fourth difference of the noise (70 times its variance), to which body
-//! motion contributes nothing. Noise drawn from it is added to the motion, and the rows are formed
-//! again.
+//! The floor in a discovery is that of the comparison ([`crate::HeldOutResult`]): one number for
+//! the whole program. [`white_noise`] is only the mean square of weighted rows caused by white
+//! noise of the coordinates: a candidate whose error is far below it has replaced the body's own
+//! weight. The covariance of that noise is estimated from the recording: the third difference of
+//! the steps between frames is the fourth difference of the noise (70 times its variance), to which
+//! body motion contributes nothing. Noise drawn from it is added to the motion, and the rows are
+//! formed again.
 
 use crate::session::{Block, Body, TrialInput, moment_length_m};
 use aloft_body::{Model, Motion};
@@ -17,7 +17,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// Mean square of the weighted rows' error from white noise, force and moment; `None` where it cannot be estimated.
+/// Mean square of the weighted rows' error from white noise, force and moment; `None` where it
+/// cannot be estimated.
 pub(crate) fn white_noise(
     body: &Body<'_>,
     trials: &[TrialInput<'_>],

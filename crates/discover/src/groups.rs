@@ -1,9 +1,10 @@
-//! Trials in which a load was carried: as the laboratory named them, otherwise found from the trials.
+//! Trials in which a load was carried: as the laboratory named them, otherwise found from the
+//! trials.
 //!
 //! A load changes mass, first moment and inertia of its link, and its place is unknown. Every trial
 //! gets the change of the mass and of the first moment of the link as unknowns (a point mass at the
-//! link's centre of mass, and its derivatives with respect to the place). The trials are then divided
-//! into two sets so that one common change in the first set removes most of the error.
+//! link's centre of mass, and its derivatives with respect to the place). The trials are then
+//! divided into two sets so that one common change in the first set removes most of the error.
 
 use crate::candidate::{Variant, pseudo_inverse};
 use crate::problem::Problem;
@@ -22,8 +23,8 @@ const STEP_M: f64 = 0.1;
 
 /// Trials in which a group effect acts: as named by the laboratory, otherwise those of the division
 /// that removes most of the error, by a change of any one of the links. All links have the same
-/// division, so that loads on several links are compared in the same trials. `None` if the trials are
-/// too few to be divided.
+/// division, so that loads on several links are compared in the same trials. `None` if the trials
+/// are too few to be divided.
 pub(crate) fn group(
     session: &Session<'_>,
     problem: &Problem,
@@ -118,8 +119,8 @@ impl Division {
         with >= FEWEST && self.trials - with >= FEWEST
     }
 
-    /// The better of two divisions: the larger gain, among equal ones that with a load (and not with
-    /// something taken away).
+    /// The better of two divisions: the larger gain, among equal ones that with a load (and not
+    /// with something taken away).
     fn better(&self, a: Option<Vec<bool>>, b: Vec<bool>) -> Option<Vec<bool>> {
         let Some(a) = a else { return Some(b) };
         let ((ga, ma), (gb, mb)) = (self.gain(&a), self.gain(&b));

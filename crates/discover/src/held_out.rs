@@ -7,9 +7,9 @@ const NEAR_TIMES_FLOOR: f64 = 1.1;
 /// Ratio from which the search beyond the catalogue begins.
 const WORTH_A_SEARCH: f64 = 1.2;
 /// Share of the error above the floor (mean squares) that effects may leave and still count as its
-/// cause. On sets for development, effects of the catalogue leave none on chains (44 sets at 1.5 to 8
-/// times the error of the true model) and up to 0.7 % where the body is a person or the drag acts on
-/// whole surfaces; laws of another form that were named after an effect leave 0.6 to 8 %.
+/// cause. On sets for development, effects of the catalogue leave none on chains (44 sets at 1.5 to
+/// 8 times the error of the true model) and up to 0.7 % where the body is a person or the drag acts
+/// on whole surfaces; laws of another form that were named after an effect leave 0.6 to 8 %.
 pub(crate) const LACK_OF_FIT: f64 = 0.01;
 
 /// Result of a comparison of the present model over the windows of one kind of motion.
@@ -35,9 +35,9 @@ impl HeldOutResult {
         self.noise_floor > 0.0 && self.noise_floor_ci95.is_some_and(|ci| error_n <= ci[1])
     }
 
-    /// Share of the error above the floor, mean square, that `after` leaves of this error; zero where
-    /// `after` is within the floor's interval, or this error too near it to tell. The upper end of
-    /// that interval counts as the floor, so that the share is a lower limit.
+    /// Share of the error above the floor, mean square, that `after` leaves of this error; zero
+    /// where `after` is within the floor's interval, or this error too near it to tell. The upper
+    /// end of that interval counts as the floor, so that the share is a lower limit.
     pub(crate) fn share_left(&self, after: &Self) -> f64 {
         let most = self.noise_floor_ci95.map_or(f64::INFINITY, |ci| ci[1]).max(NEAR_TIMES_FLOOR * self.noise_floor);
         let above = |error: f64| error * error - most * most;
@@ -48,8 +48,8 @@ impl HeldOutResult {
         }
     }
 
-    /// True if the error is beyond the floor's interval and more than 1.2 times the floor: enough for
-    /// a search beyond the catalogue.
+    /// True if the error is beyond the floor's interval and more than 1.2 times the floor: enough
+    /// for a search beyond the catalogue.
     pub(crate) fn may_hold_more(&self) -> bool {
         self.noise_floor > 0.0 && !self.reached_by(self.held_out_error) && self.times_floor() > WORTH_A_SEARCH
     }

@@ -20,8 +20,8 @@ use rayon::prelude::*;
 /// Where the exchange test cannot be made, the better effect must leave less than this share of the
 /// other's error.
 const NEARLY: f64 = 0.94;
-/// On a person an effect with more than twice the unknowns of another is separated from it without the
-/// exchange test only below this share of the other's error.
+/// On a person an effect with more than twice the unknowns of another is separated from it without
+/// the exchange test only below this share of the other's error.
 const CLEARLY: f64 = 0.85;
 
 /// The best variant of every target, best first.
@@ -209,8 +209,8 @@ pub(crate) fn judge(
         rivals.iter().filter(|r| r.index != best.index).map(|r| duel(session, problem, best, r, options)).collect();
     let unknowns = |r: &Rival<'_>| r.scored.variant.unknowns();
     // On a person errors repeat in every trial (soft tissue, the prior), and the effect with more
-    // freedom fits them better whichever is true. The simplest effect that leaves no more than a perfect
-    // model would is not excluded.
+    // freedom fits them better whichever is true. The simplest effect that leaves no more than a
+    // perfect model would is not excluded.
     let mut spared = None;
     if let (true, Domain::Flight, Some(floor)) = (session.prior.is_some(), problem.domain, floor) {
         let at_floor = |r: &&Rival<'_>| {
@@ -285,8 +285,8 @@ fn duel(
     b: &Rival<'_>,
     options: &DiscoverOptions,
 ) -> RivalTest {
-    // errors of the motion act on the whole inertia, that of an effect included: in a model with more
-    // of it the same noise leaves a larger error, which is no evidence
+    // errors of the motion act on the whole inertia, that of an effect included: in a model with
+    // more of it the same noise leaves a larger error, which is no evidence
     let inertia = |r: &Rival<'_>| {
         let added_kg = r.scored.variant.effect.added_inertia_kg(r.scored.theta.as_slice());
         (1.0 + added_kg / session.mass_kg).max(0.1)

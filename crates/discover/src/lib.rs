@@ -1,9 +1,9 @@
 //! Finds missing effects, with their uncertainty and the effects that they can be confused with.
 //!
 //! A [`Session`] holds the weak rows of every flight and contact stretch in fixed weights, and
-//! computes columns of any effect for them.
-//! [`discover`] refits the inertial parameters together with each candidate, predicts every trial (or flight, where trials are few) from the
-//! others, and compares errors:
+//! computes columns of any effect for them. [`discover`] refits the inertial parameters together
+//! with each candidate, predicts every trial (or flight, where trials are few) from the others, and
+//! compares errors:
 //!
 //! | step | module | what it does |
 //! |---|---|---|
@@ -49,8 +49,9 @@
 //! # }
 //! ```
 //!
-//! [`Discovery`] serialises to the contract of `aloft discover --json`. An effect that was found goes back in as an `accepted`
-//! [`aloft_effects::EffectInstance`] (its key and nonlinear parameters are in [`Found`]); for identification its columns come from
+//! [`Discovery`] serialises to the contract of `aloft discover --json`. An effect that was found
+//! goes back in as an `accepted` [`aloft_effects::EffectInstance`] (its key and nonlinear
+//! parameters are in [`Found`]); for identification its columns come from
 //! [`aloft_effects::columns`], stored in the factors, and `Factor::with_effects` picks them.
 
 mod addition;

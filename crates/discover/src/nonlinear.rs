@@ -1,10 +1,11 @@
 //! Effects whose columns depend on further unknowns: variable projection over all rows, then again
 //! in every fold.
 //!
-//! Starts are screened by the gain of their linear fit; the best are improved by damped Gauss-Newton steps on columns and derivatives
-//! together (Kaufman's form), within bounds. In a fold the parameters take one step from the common
-//! optimum with the derivatives there, so that a cluster's own rows do not help to predict it. With
-//! many clusters this step is taken on the linear model alone.
+//! Starts are screened by the gain of their linear fit; the best are improved by damped
+//! Gauss-Newton steps on columns and derivatives together (Kaufman's form), within bounds. In a
+//! fold the parameters take one step from the common optimum with the derivatives there, so that a
+//! cluster's own rows do not help to predict it. With many clusters this step is taken on the
+//! linear model alone.
 
 use crate::candidate::{Scored, Variant, fold_freedom, is_determined, pseudo_inverse, pseudo_solve, solve};
 use crate::problem::{Problem, ReducedFold};
@@ -151,9 +152,9 @@ fn joint_se(
     variances.iter().enumerate().map(se).collect()
 }
 
-/// Number of clusters from which on the step of a fold is linear: leaving out one of so many changes
-/// the unknowns by little, and columns computed anew for every fold would make the time grow with
-/// the square of the number of recordings.
+/// Number of clusters from which on the step of a fold is linear: leaving out one of so many
+/// changes the unknowns by little, and columns computed anew for every fold would make the time
+/// grow with the square of the number of recordings.
 const MANY_CLUSTERS: usize = 60;
 
 fn is_linear_in_folds(problem: &Problem) -> bool {
@@ -197,7 +198,8 @@ fn widening(joint: &DMatrix<f64>, k: usize) -> Vec<f64> {
     (0..k).map(|i| if of(i) > 1.0 { of(i).min(MOST) } else { 1.0 }).collect()
 }
 
-/// The same for an effect at given values of its nonlinear parameters, which are taken as fitted earlier; empty where it has none.
+/// The same for an effect at given values of its nonlinear parameters, which are taken as fitted
+/// earlier; empty where it has none.
 pub(crate) fn joint_se_at(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>) -> Vec<f64> {
     let parameters = variant.effect.nonlinear(session.scene, variant.target);
     if parameters.is_empty() {

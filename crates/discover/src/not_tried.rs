@@ -41,7 +41,8 @@ pub(crate) fn not_tried(session: &Session<'_>, effect: &dyn Effect, domain: Doma
 }
 
 impl Session<'_> {
-    /// Why a choice cannot be added to a model: its law gives no numbers somewhere. None where it gives numbers everywhere.
+    /// Why a choice cannot be added to a model: its law gives no numbers somewhere. None where it
+    /// gives numbers everywhere.
     pub fn without_numbers(&self, choice: &aloft_effects::EffectInstance<'_>) -> Option<String> {
         let columns = self.columns_of(choice, Domain::Contact)?;
         let wrong = |i: &usize| !columns[*i].iter().all(|x| is_usable(*x));

@@ -1,11 +1,11 @@
 //! Rivals that fit only as the limit of a simpler effect.
 //!
-//! A rope to a distant pulley, or a strong wind on a small area, is a constant force: a richer effect
-//! reproduces a simpler one by moving a place or a speed to the edge of its range. Both leave the same
-//! error then, whichever is true, and no ratio of errors separates them. The recordings still say
-//! whether a place or speed that a laboratory has would do: the richer effect is fitted again within
-//! the nearer half of the range. If that is worse by more than chance, what remains of the richer
-//! effect is the simpler one under another name.
+//! A rope to a distant pulley, or a strong wind on a small area, is a constant force: a richer
+//! effect reproduces a simpler one by moving a place or a speed to the edge of its range. Both
+//! leave the same error then, whichever is true, and no ratio of errors separates them. The
+//! recordings still say whether a place or speed that a laboratory has would do: the richer effect
+//! is fitted again within the nearer half of the range. If that is worse by more than chance, what
+//! remains of the richer effect is the simpler one under another name.
 
 use crate::candidate::{Scored, Variant, solve};
 use crate::ladder::is_at_bound;
@@ -68,8 +68,8 @@ pub(crate) fn is_at_far_edge(session: &Session<'_>, variant: &Variant<'_>) -> bo
     fitted && variant.nonlinear.iter().zip(&bounds).any(|(x, b)| is_far(b) && is_at_bound(*x, [b.lower, b.upper]))
 }
 
-/// True if `rival` becomes `simple` in its limit, and within the nearer half of its range it is worse
-/// by more than chance and repeating errors explain.
+/// True if `rival` becomes `simple` in its limit, and within the nearer half of its range it is
+/// worse by more than chance and repeating errors explain.
 pub(crate) fn is_only_a_limit(
     session: &Session<'_>,
     problem: &Problem,

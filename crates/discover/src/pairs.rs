@@ -45,8 +45,8 @@ pub(crate) fn better_pair<'e>(search: &Search<'_, 'e>, ratio: f64) -> Option<Pai
     (small && sign_flip_p(&pair.0.fold_error, single, 2000, search.refit.seed()) < 0.01).then_some(pair)
 }
 
-/// A pair that explains as much as the effect chosen, with no more unknowns: drag in still air and a
-/// tilt, where wind was chosen. Asked only of effects that contain another one.
+/// A pair that explains as much as the effect chosen, with no more unknowns: drag in still air and
+/// a tilt, where wind was chosen. Asked only of effects that contain another one.
 pub(crate) fn pair_as_good<'e>(search: &Search<'_, 'e>) -> Option<Pair<'e>> {
     let chosen = &search.scores[search.best];
     if chosen.effect.about().contains.is_empty() {

@@ -76,8 +76,8 @@ pub(crate) struct ReducedFold {
 }
 
 impl Problem {
-    /// Rows of a domain with `extra` columns (effects accepted before) added to the model. Clusters are trials where there are at least
-    /// `fewest` of them, single stretches otherwise.
+    /// Rows of a domain with `extra` columns (effects accepted before) added to the model. Clusters
+    /// are trials where there are at least `fewest` of them, single stretches otherwise.
     pub fn new(
         session: &Session<'_>,
         domain: Domain,
@@ -173,7 +173,8 @@ impl Problem {
         let gram = clusters.iter().fold(DMatrix::zeros(m, m), |s, c| s + &c.gram);
         let right = clusters.iter().fold(DVector::zeros(m), |s, c| s + &c.right);
         let n_rows: usize = clusters.iter().map(|c| c.n_rows).sum();
-        // the weight of the prior in squared row units: the variance of a row that agrees with the fit
+        // the weight of the prior in squared row units: the variance of a row that agrees with the
+        // fit
         let mut variance =
             given.unwrap_or_else(|| clusters.iter().map(|c| c.b.norm_squared()).sum::<f64>() / n_rows as f64);
         let has_prior = session.prior.is_some();
@@ -260,8 +261,8 @@ impl Problem {
         }
     }
 
-    /// Rows of an orthonormal basis of the model's columns, those of the prior included, by cluster:
-    /// `A_g L⁻ᵀ` with `L Lᵀ` the Gram matrix.
+    /// Rows of an orthonormal basis of the model's columns, those of the prior included, by
+    /// cluster: `A_g L⁻ᵀ` with `L Lᵀ` the Gram matrix.
     pub fn bases(&self) -> Option<Vec<DMatrix<f64>>> {
         let l = self.cholesky.l();
         self.clusters.iter().map(|c| l.solve_lower_triangular(&c.a.transpose()).map(|x| x.transpose())).collect()

@@ -19,8 +19,8 @@ pub(crate) const OVERLAP: f64 = 3.0;
 const QUICK_STEPS: usize = 5;
 /// Share of the squared error that an effect has to remove before `Target::Shape` is tried.
 const SHAPED: f64 = 0.5;
-/// Mean size in the trials without an effect, relative to that in the trials with it, below which it
-/// counts as absent; and the gap between the two sets in standard errors.
+/// Mean size in the trials without an effect, relative to that in the trials with it, below which
+/// it counts as absent; and the gap between the two sets in standard errors.
 const ABSENT: f64 = 0.25;
 const CLEARLY: f64 = 4.0;
 /// Number of targets whose best start is fitted with the full number of steps.
@@ -67,8 +67,8 @@ fn criterion(gain: f64, rss: f64, n_rows: f64, unknowns: usize) -> f64 {
 }
 
 /// Scores all variants of an effect on all targets that are not `taken`; `None` if it cannot act
-/// here. With `acting` the effect acts only in those trials; otherwise it acts in all of them or, if
-/// the trials fall into two clear sets, in one of these.
+/// here. With `acting` the effect acts only in those trials; otherwise it acts in all of them or,
+/// if the trials fall into two clear sets, in one of these.
 pub(crate) fn score_effect<'a>(
     session: &Session<'_>,
     problem: &Problem,
@@ -178,8 +178,8 @@ fn unknowns_of(s: &Scored<'_>) -> usize {
     s.variant.unknowns() + if chosen { 2 } else { 0 }
 }
 
-/// A load that was found as something taken away in some trials, as a load in the others if that fits
-/// as well: unnamed groups have no order.
+/// A load that was found as something taken away in some trials, as a load in the others if that
+/// fits as well: unnamed groups have no order.
 fn as_load<'a>(session: &Session<'_>, problem: &Problem, scored: Scored<'a>) -> Scored<'a> {
     // a prior and plates tell a load from something taken away
     let told = session.prior.is_some() || session.groups.iter().any(Option::is_some);
@@ -198,8 +198,8 @@ fn as_load<'a>(session: &Session<'_>, problem: &Problem, scored: Scored<'a>) -> 
         .unwrap_or(scored)
 }
 
-/// The variant acting only in those trials that show it, if the trials fall into two clear sets: its
-/// size in the one is far above, in the other near zero.
+/// The variant acting only in those trials that show it, if the trials fall into two clear sets:
+/// its size in the one is far above, in the other near zero.
 fn in_some_trials<'a>(session: &Session<'_>, problem: &Problem, scored: &Scored<'a>) -> Option<Scored<'a>> {
     // a load in some trials is `payload`, which also changes the body's mass
     if !scored.variant.effect.has_wrench() {
@@ -390,8 +390,8 @@ pub(crate) fn null_ratios(problem: &Problem, scores: &[EffectScore<'_>], draws: 
         .collect()
 }
 
-/// Cosine of a fitted signal (by cluster) with its best approximation by columns, inertial parameters
-/// projected out: 1 if they can reproduce it.
+/// Cosine of a fitted signal (by cluster) with its best approximation by columns, inertial
+/// parameters projected out: 1 if they can reproduce it.
 pub(crate) fn cosine(problem: &Problem, signal: &[DVector<f64>], cb: &[DMatrix<f64>]) -> f64 {
     let k = cb[0].ncols();
     let both: Vec<DMatrix<f64>> = signal
@@ -414,8 +414,8 @@ pub(crate) fn cosine(problem: &Problem, signal: &[DVector<f64>], cb: &[DMatrix<f
     (inside / own).clamp(0.0, 1.0).sqrt()
 }
 
-/// True if an effect is judged in a domain. What also acts in the air is judged in the air alone: on
-/// the plates a force on the body cannot be told from an error of the plates or of the model.
+/// True if an effect is judged in a domain. What also acts in the air is judged in the air alone:
+/// on the plates a force on the body cannot be told from an error of the plates or of the model.
 pub(crate) fn judged_in(effect: &dyn Effect, domain: Domain) -> bool {
     match domain {
         Domain::Flight => effect.acts().in_flight(),

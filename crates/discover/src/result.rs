@@ -206,7 +206,8 @@ pub struct Round {
     pub judged_on: String,
     /// Keys of the effects in the model before this round.
     pub model: Vec<String>,
-    /// Held-out error of that model: root mean square of weak rows, N (moments over the weighting length of the rows).
+    /// Held-out error of that model: root mean square of weak rows, N (moments over the weighting
+    /// length of the rows).
     #[serde(deserialize_with = "nullable")]
     pub held_out_error: f64,
     /// The same for forces alone, N, and moments alone, N·m; NaN where rows do not separate them.
@@ -248,8 +249,8 @@ impl Round {
     }
 }
 
-/// Effects of which some are missing from the model. A group of one is supported; of a larger one the
-/// recordings cannot tell which.
+/// Effects of which some are missing from the model. A group of one is supported; of a larger one
+/// the recordings cannot tell which.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Group {
     /// Identifiers, the one that joined the model first.
@@ -272,10 +273,11 @@ pub struct Discovery {
     pub schema: u32,
     /// Verdict.
     pub verdict: Verdict,
-    /// Effects named by the verdict: with `supported` each of them is missing, with `one_of` the members
-    /// of all `groups`.
+    /// Effects named by the verdict: with `supported` each of them is missing, with `one_of` the
+    /// members of all `groups`.
     pub effects: Vec<String>,
-    /// What is missing, round by round: effects of which the recordings say that `missing` of them act.
+    /// What is missing, round by round: effects of which the recordings say that `missing` of them
+    /// act.
     #[serde(default)]
     pub groups: Vec<Group>,
     /// The result in words.
@@ -311,11 +313,12 @@ pub struct Discovery {
     pub advice: Vec<String>,
     /// Data that were left out, with the reason.
     pub warnings: Vec<String>,
-    /// An effect that is named, whose strength depends on something in another way than its law says;
-    /// null where nothing shows that.
+    /// An effect that is named, whose strength depends on something in another way than its law
+    /// says; null where nothing shows that.
     #[serde(default)]
     pub misfit: Option<Misfit>,
-    /// Search beyond the catalogue; null if the error is at its floor, or the catalogue explains it.
+    /// Search beyond the catalogue; null if the error is at its floor, or the catalogue explains
+    /// it.
     #[serde(default)]
     pub open: Option<OpenWorld>,
     /// Laws of joints, from the torques in a robot's log; null without torques.
@@ -336,8 +339,8 @@ pub struct Misfit {
     pub carrier: String,
     /// Variable, as formulas name it.
     pub variable: String,
-    /// Held-out error with the effect's force times a free curve of the variable, over that with the
-    /// effect alone.
+    /// Held-out error with the effect's force times a free curve of the variable, over that with
+    /// the effect alone.
     pub held_out_ratio: f64,
     /// Probability that the best variable does as well under random signs of flights or trials.
     pub family_wise_p: f64,
@@ -382,7 +385,8 @@ pub struct Addition {
     pub key: String,
     /// `flight` or `contact`: the windows on which it is judged.
     pub judged_on: String,
-    /// Held-out error of the model before, N (root mean square of weak rows, moments over the weighting length of the rows).
+    /// Held-out error of the model before, N (root mean square of weak rows, moments over the
+    /// weighting length of the rows).
     pub held_out_error_before: f64,
     /// With the effect.
     pub held_out_error: f64,

@@ -13,8 +13,8 @@ use aloft_effects::{Effect, Target};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-/// An effect that narrowly misses acceptance takes part if the best one leaves more than this share of
-/// its error.
+/// An effect that narrowly misses acceptance takes part if the best one leaves more than this share
+/// of its error.
 const NEARLY: f64 = 0.94;
 /// Number of targets of a rival that are fitted again.
 const TARGETS: usize = 3;
@@ -41,8 +41,8 @@ impl Rival<'_> {
     }
 }
 
-/// True for two effects that no recording can tell apart: aliases that both act on the whole body or
-/// on all plates.
+/// True for two effects that no recording can tell apart: aliases that both act on the whole body
+/// or on all plates.
 pub(crate) fn is_alias(effect: &dyn Effect, target: Target, other: &str, other_target: Target) -> bool {
     effect.about().aliases.contains(&other) && target == Target::Body && other_target == Target::Body
 }

@@ -29,10 +29,10 @@ pub(crate) fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {
     (options.only.is_empty() || named(&options.only)) && !named(&options.without)
 }
 
-/// True for an effect that cannot be found again beside those found before: an alias of one of them,
-/// a generalisation of it, or the same on the whole body. A second one of a kind on another link or plate can.
-/// Without flights, an alias on any target counts: gains of single plates together with a wrong mass
-/// would scale both sides of every row to zero.
+/// True for an effect that cannot be found again beside those found before: an alias of one of
+/// them, a generalisation of it, or the same on the whole body. A second one of a kind on another
+/// link or plate can. Without flights, an alias on any target counts: gains of single plates
+/// together with a wrong mass would scale both sides of every row to zero.
 fn excluded(effect: &dyn Effect, already: &[(&dyn Effect, Target)], has_flights: bool) -> bool {
     already.iter().any(|(found, target)| {
         let again = found.id() == effect.id() && !matches!(target, Target::Link(_) | Target::Plate(_));
@@ -113,9 +113,9 @@ pub(crate) fn run_round<'a>(
     } else {
         options.belief.min(0.8)
     };
-    // On a person errors repeat from trial to trial (soft tissue, the prior), and where they are most of
-    // what is left an effect that imitates them fits well. Differences between groups of trials do not
-    // repeat.
+    // On a person errors repeat from trial to trial (soft tissue, the prior), and where they are
+    // most of what is left an effect that imitates them fits well. Differences between groups of
+    // trials do not repeat.
     let near_floor = session.prior.is_some()
         && problem.domain == Domain::Flight
         && at_floor.is_some_and(|f| f.times(plain) < NEAR_FLOOR);
@@ -173,8 +173,8 @@ pub(crate) fn run_round<'a>(
     let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
     let (mut verdict, mut effects, duels) =
         judge(session, sharp.as_ref().unwrap_or(problem), &rivals, at_floor, options);
-    // the effect that the answer describes, that joins the model in later rounds and that the user is
-    // told to add is one and the same
+    // the effect that the answer describes, that joins the model in later rounds and that the user
+    // is told to add is one and the same
     if let Some(first) = to_build_on(&rivals, &effects, options)
         && let Some(at) = effects.iter().position(|id| id == first.id())
     {

@@ -25,7 +25,8 @@ pub struct TrialInput<'a> {
     pub motion: &'a Motion,
     /// Flights and contact stretches.
     pub stretches: &'a [Stretch],
-    /// Wrench of all plates together at the frames, about the world origin; needed for contact stretches.
+    /// Wrench of all plates together at the frames, about the world origin; needed for contact
+    /// stretches.
     pub measured: Option<&'a [Vector6<f64>]>,
     /// Wrench of each plate; empty where none measured.
     pub plates: &'a [PlateSeries],
@@ -91,7 +92,8 @@ pub struct Session<'a> {
     pub(crate) from_full: DMatrix<f64>,
     pub(crate) prior: Option<Prior>,
     pub(crate) mass_kg: f64,
-    /// N per unit of a force row, N·m per unit of a moment row (per unit of the test function's mean).
+    /// N per unit of a force row, N·m per unit of a moment row (per unit of the test function's
+    /// mean).
     pub(crate) unit: [f64; 2],
     /// Names of columns that stored factors hold.
     pub(crate) stored_names: Vec<String>,
@@ -128,10 +130,12 @@ pub(crate) fn moment_length_m(body: &Body<'_>, options: &WeakOptions) -> f64 {
 }
 
 impl<'a> Session<'a> {
-    /// Forms the weak rows of all stretches. `scene` comes from [`scene_of`]. Stretches too short for a window are left out with a warning.
+    /// Forms the weak rows of all stretches. `scene` comes from [`scene_of`]. Stretches too short
+    /// for a window are left out with a warning.
     ///
     /// # Errors
-    /// [`DiscoverError::Regressor`] and [`DiscoverError::Effects`] for trials that do not fit the model, [`DiscoverError::TooFew`] without rows.
+    /// [`DiscoverError::Regressor`] and [`DiscoverError::Effects`] for trials that do not fit the
+    /// model, [`DiscoverError::TooFew`] without rows.
     pub fn new(
         body: &Body<'_>,
         scene: &'a Scene,
@@ -297,8 +301,8 @@ impl<'a> Session<'a> {
         self
     }
 
-    /// Computes the error with the effects found by `compute` (flight, contact) instead of estimating it
-    /// from the rows, before the verdict is given.
+    /// Computes the error with the effects found by `compute` (flight, contact) instead of
+    /// estimating it from the rows, before the verdict is given.
     #[must_use]
     pub fn with_stages(mut self, compute: Compute<'a>) -> Self {
         self.by_stages = ByStages::new(compute);

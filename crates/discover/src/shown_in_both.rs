@@ -1,9 +1,9 @@
 //! Forces on the body beside errors of the plates.
 //!
-//! In contact a force on the body cannot be told from an error of the plates: gravity that is tilted
-//! looks like a plate that was not zeroed. Forces are therefore judged in flight. A force that lowers
-//! the error in flight, though not enough to be accepted, and explains the contact as well as an error
-//! of the plates does, is named beside it.
+//! In contact a force on the body cannot be told from an error of the plates: gravity that is
+//! tilted looks like a plate that was not zeroed. Forces are therefore judged in flight. A force
+//! that lowers the error in flight, though not enough to be accepted, and explains the contact as
+//! well as an error of the plates does, is named beside it.
 
 use crate::problem::Problem;
 use crate::rank::score_effect;
@@ -16,8 +16,8 @@ use rayon::prelude::*;
 /// equally good.
 const AS_GOOD: f64 = 1.1;
 
-/// Adds to a round in contact the forces that flights show, too weakly to be accepted, and that leave
-/// no more of the error (`mean_square` of rows) in contact than the effect found there.
+/// Adds to a round in contact the forces that flights show, too weakly to be accepted, and that
+/// leave no more of the error (`mean_square` of rows) in contact than the effect found there.
 pub(crate) fn also_in_flight(
     session: &Session<'_>,
     problem: &Problem,

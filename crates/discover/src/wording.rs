@@ -98,8 +98,8 @@ pub(crate) fn round(
     }
 }
 
-/// A round in which two effects together explain as much as those named; `joins` if the two join the
-/// model, `left` the share of the error that remains with what joins.
+/// A round in which two effects together explain as much as those named; `joins` if the two join
+/// the model, `left` the share of the error that remains with what joins.
 pub(crate) fn or_pair(effects: &[String], pair: &[String; 2], joins: bool, left: f64) -> String {
     let [a, b] = pair;
     let single = effects.iter().map(|e| format!("`{e}`")).collect::<Vec<_>>().join(" or ");

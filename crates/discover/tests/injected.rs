@@ -143,8 +143,8 @@ fn effects_are_named_with_their_size() {
     }
 }
 
-/// A rope to a distant pulley does the same as a constant force. With places in a room excluded, only
-/// the force is named, and the answer says what was left out; a pulley nearby stays a crane.
+/// A rope to a distant pulley does the same as a constant force. With places in a room excluded,
+/// only the force is named, and the answer says what was left out; a pulley nearby stays a crane.
 #[test]
 fn a_limit_of_a_richer_effect_is_named_by_the_simpler_one() {
     let lab = lab();

@@ -1,5 +1,6 @@
 //! Laws that no effect of the catalogue describes are found with their place, direction, variable
-//! and size; the formulas of a law give the columns that were fitted; without a law none is claimed.
+//! and size; the formulas of a law give the columns that were fitted; without a law none is
+//! claimed.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that fails should say where")]
 
 #[path = "../../regressor/tests/common/mod.rs"]

@@ -23,7 +23,8 @@ pub enum ActsIn {
     Contact,
     /// Always.
     Both,
-    /// Between two links: no force on the body as a whole. It shows in the torques of a robot's joints only.
+    /// Between two links: no force on the body as a whole. It shows in the torques of a robot's
+    /// joints only.
     Joints,
 }
 
@@ -123,8 +124,8 @@ pub struct About<'a> {
     /// Exact aliases: effects that no recording of the same kind can distinguish from this one;
     /// empty for none.
     pub class: &'a str,
-    /// Effects of the catalogue that no recording can distinguish from this one when both act on the
-    /// whole body or on all plates: they are always named together.
+    /// Effects of the catalogue that no recording can distinguish from this one when both act on
+    /// the whole body or on all plates: they are always named together.
     pub aliases: &'a [&'a str],
     /// Effects of which this one is a generalisation: it contains them, so it only counts if it
     /// does better.

@@ -78,7 +78,8 @@ pub(crate) fn add_turns(
     }
 }
 
-/// Adds the columns of displacement fields: `field(frame, column, link)` is the world displacement of a link's centre of mass, m per unit.
+/// Adds the columns of displacement fields: `field(frame, column, link)` is the world displacement
+/// of a link's centre of mass, m per unit.
 pub(crate) fn add_columns(
     series: &Series<'_>,
     out: &mut Columns,

@@ -35,8 +35,8 @@ pub trait Effect: Sync {
         None
     }
 
-    /// Torque that a joint takes from its drive for a unit of each coefficient, N·m (N for a slide), in
-    /// every frame of its series. Empty for effects that act on the body as a whole.
+    /// Torque that a joint takes from its drive for a unit of each coefficient, N·m (N for a
+    /// slide), in every frame of its series. Empty for effects that act on the body as a whole.
     fn torque(&self, _series: &JointSeries<'_>, _nonlinear: &[f64]) -> Vec<Vec<f64>> {
         Vec::new()
     }
@@ -50,13 +50,13 @@ pub trait Effect: Sync {
         let about = self.about();
         about.id == id || about.other_ids.contains(&id)
     }
-    /// Mass that the effect adds to the body's inertia at these coefficients, kg: the scale on which
-    /// errors of the motion act.
+    /// Mass that the effect adds to the body's inertia at these coefficients, kg: the scale on
+    /// which errors of the motion act.
     fn added_inertia_kg(&self, _coefficients: &[f64]) -> f64 {
         0.0
     }
-    /// Effects that are not judged where this one is judged, and that would leave the same error there
-    /// at these coefficients: nothing there can tell them from this one.
+    /// Effects that are not judged where this one is judged, and that would leave the same error
+    /// there at these coefficients: nothing there can tell them from this one.
     fn looks_like(&self, _coefficients: &[f64]) -> &'static [&'static str] {
         &[]
     }

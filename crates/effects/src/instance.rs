@@ -113,7 +113,8 @@ impl<'a> EffectInstance<'a> {
     /// Sets a nonlinear parameter by name.
     ///
     /// # Errors
-    /// [`EffectsError::Spec`] for a name that the effect does not have, [`EffectsError::Value`] out of bounds.
+    /// [`EffectsError::Spec`] for a name that the effect does not have, [`EffectsError::Value`] out
+    /// of bounds.
     pub fn set(&mut self, scene: &Scene, name: &str, value: f64) -> Result<(), EffectsError> {
         let parameters = self.effect.nonlinear(scene, self.target);
         let Some(k) = parameters.iter().position(|p| p.name == name) else {
@@ -145,9 +146,9 @@ pub struct WrenchColumns {
     /// One matrix per frame of the motion, 6 × k: world force (N per unit) and moment about the
     /// world origin (N·m per unit). Frames outside the spans are NaN, so that they give no rows.
     pub wrench: Vec<DMatrix<f64>>,
-    /// Change of the parameters φ of all links (SI units) for a unit of each coefficient, for effects
-    /// that change the body's inertia (payload, added mass, body mass) in this trial. It is no part of
-    /// `wrench`: with rows `[Y | −E]` of the body it adds `Y δφ` to the column.
+    /// Change of the parameters φ of all links (SI units) for a unit of each coefficient, for
+    /// effects that change the body's inertia (payload, added mass, body mass) in this trial. It is
+    /// no part of `wrench`: with rows `[Y | −E]` of the body it adds `Y δφ` to the column.
     pub inertia: Vec<Option<Vec<Phi>>>,
 }
 

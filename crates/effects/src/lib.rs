@@ -18,8 +18,9 @@
 //! # Ok::<(), aloft_effects::EffectsError>(())
 //! ```
 //!
-//! Columns of a trial, for the factors of its stretches ([`columns`] names them `effect.coefficient` or `effect[target].coefficient`; the fields
-//! have the layout of the regressor's effect columns):
+//! Columns of a trial, for the factors of its stretches ([`columns`] names them
+//! `effect.coefficient` or `effect[target].coefficient`; the fields have the layout of the
+//! regressor's effect columns):
 //!
 //! ```
 //! # use aloft_body::{Model, Motion, Phi};

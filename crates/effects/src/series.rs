@@ -393,7 +393,8 @@ struct Differentiator<'a> {
     a: Vec<f64>,
 }
 
-/// Weights of samples at `t` for the first and second derivative at zero of a least-squares polynomial.
+/// Weights of samples at `t` for the first and second derivative at zero of a least-squares
+/// polynomial.
 fn derivative_weights(t: &[f64], degree: usize) -> Option<(Vec<f64>, Vec<f64>)> {
     let scale = t.iter().fold(0.0f64, |m, x| m.max(x.abs()));
     if t.len() < degree + 2 || scale == 0.0 {

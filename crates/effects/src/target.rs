@@ -22,8 +22,8 @@ pub enum Target {
 }
 
 impl Target {
-    /// Short name for columns and reports: empty for the body, `links`, `shape`, a link's or joint's
-    /// name, `plate1` …
+    /// Short name for columns and reports: empty for the body, `links`, `shape`, a link's or
+    /// joint's name, `plate1` …
     pub fn label(&self, scene: &Scene) -> String {
         match self {
             Self::Body => String::new(),

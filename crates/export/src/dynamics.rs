@@ -19,7 +19,8 @@ pub struct TrialForces {
     pub loads: Vec<Load>,
     /// Force of each coordinate, N·m or N: `generalised[frame * n + coordinate]`.
     pub generalised: Vec<f64>,
-    /// Residual wrench at the root: world force (N) and moment about the root's origin in world axes (N·m); NaN where the motion is missing.
+    /// Residual wrench at the root: world force (N) and moment about the root's origin in world
+    /// axes (N·m); NaN where the motion is missing.
     pub residual: Vec<Vector6<f64>>,
     /// Whole-body centre of mass, m, world.
     pub center_of_mass_m: Vec<Vector3<f64>>,

@@ -2,8 +2,9 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// Rotation from the Z-up world to OpenSim's ground (Y up): `(x, y, z) → (x, z, −y)`. A person who faces +X stands along the
-/// ground's axes (X forward, Y up, Z right). Entries are 0 and ±1, so nothing is rounded.
+/// Rotation from the Z-up world to OpenSim's ground (Y up): `(x, y, z) → (x, z, −y)`. A person who
+/// faces +X stands along the ground's axes (X forward, Y up, Z right). Entries are 0 and ±1, so
+/// nothing is rounded.
 pub fn ground_from_world() -> Rotation3<f64> {
     Rotation3::from_matrix_unchecked(Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0))
 }

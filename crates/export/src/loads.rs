@@ -15,8 +15,8 @@ use nalgebra::{Vector3, Vector6};
 /// Vertical force below which a plate has no centre of pressure, N.
 pub const LOADED_N: f64 = 20.0;
 
-/// A plate's reaction on the subject at the frames of the motion, filtered like the motion: world force (N) and moment about the
-/// world origin (N·m).
+/// A plate's reaction on the subject at the frames of the motion, filtered like the motion: world
+/// force (N) and moment about the world origin (N·m).
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlateAtFrames {
     /// Name.
@@ -34,9 +34,11 @@ pub struct Load {
     pub plate: String,
     /// Link that it acts on.
     pub link: usize,
-    /// World force (N) and moment about the world origin (N·m); zero where the plate acts on another link, NaN where missing.
+    /// World force (N) and moment about the world origin (N·m); zero where the plate acts on
+    /// another link, NaN where missing.
     pub wrench: Vec<Vector6<f64>>,
-    /// Point of application, m, world: the centre of pressure on the floor (z = 0) under load, the origin elsewhere.
+    /// Point of application, m, world: the centre of pressure on the floor (z = 0) under load, the
+    /// origin elsewhere.
     pub point_m: Vec<Vector3<f64>>,
     /// Moment about that point, N·m, world: only vertical under load.
     pub moment_nm: Vec<Vector3<f64>>,

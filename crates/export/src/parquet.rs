@@ -24,7 +24,8 @@ pub enum Compression {
 
 /// Writes a frame as Parquet, without statistics.
 ///
-/// `dictionary(i)` decides whether column `i` is written as a dictionary of its distinct values; numbers of a measurement are better plain.
+/// `dictionary(i)` decides whether column `i` is written as a dictionary of its distinct values;
+/// numbers of a measurement are better plain.
 ///
 /// # Errors
 /// Errors of polars and of the destination.

@@ -46,7 +46,8 @@ pub struct SubjectExport {
     pub locked: Vec<usize>,
     /// Program and version, for headers.
     pub program: String,
-    /// Model files of a robot, which are patched instead of written anew; empty for people and objects.
+    /// Model files of a robot, which are patched instead of written anew; empty for people and
+    /// objects.
     pub robot_files: Vec<RobotFile>,
     /// The OpenSim model that was imported, which is patched instead of written anew.
     pub osim_file: Option<OsimFile>,

@@ -16,9 +16,10 @@
 //! 17 base parameters of the fast throws within 9e-5 (kg·m, kg·m²) and of the gentle ones within
 //! 1.5e-3, mostly because of errors in variables.
 //!
-//! Derivatives are fourth-order differences of the unit quaternion, then `ω = 2 vec(q* q̇)` and `α = 2 vec(q* q̈)` in the axes of the
-//! moving link. A free joint's translation is filtered in the world; its velocity is `v = Rᵀṗ` and its acceleration the rate of these
-//! components, `a = Rᵀp̈ − ω × v` (the convention of [`aloft_body::State::acceleration`]).
+//! Derivatives are fourth-order differences of the unit quaternion, then `ω = 2 vec(q* q̇)` and `α
+//! = 2 vec(q* q̈)` in the axes of the moving link. A free joint's translation is filtered in the
+//! world; its velocity is `v = Rᵀṗ` and its acceleration the rate of these components, `a = Rᵀp̈ −
+//! ω × v` (the convention of [`aloft_body::State::acceleration`]).
 
 use aloft_body::{JointKind, Model, Motion};
 use aloft_signal::{Butterworth, DesignError, LowPass, derivative::derivatives_of_run, runs_where};
@@ -161,7 +162,8 @@ fn motion_without_series(motion: &Motion) -> Motion {
     }
 }
 
-/// Joint velocity and acceleration from coordinates and their first two derivatives (`[q, q̇, q̈]`, offset `at`).
+/// Joint velocity and acceleration from coordinates and their first two derivatives (`[q, q̇, q̈]`,
+/// offset `at`).
 fn joint_rates(kind: JointKind, at: usize, q: [&[f64]; 3], v: &mut [f64], a: &mut [f64]) {
     let vector = |x: &[f64], at: usize| Vector3::new(x[at], x[at + 1], x[at + 2]);
     match kind {
@@ -192,7 +194,8 @@ fn quaternion(x: &[f64], at: usize) -> Quaternion<f64> {
     Quaternion::new(x[at + 3], x[at], x[at + 1], x[at + 2])
 }
 
-/// `ω = 2 vec(q* q̇)`, `α = 2 vec(q* q̈)`: with `q̈ = ½(q̇ω + qω̇)`, the part `½ q* q̇ ω = ¼ ω ω` is a pure scalar.
+/// `ω = 2 vec(q* q̇)`, `α = 2 vec(q* q̈)`: with `q̈ = ½(q̇ω + qω̇)`, the part `½ q* q̇ ω = ¼ ω ω`
+/// is a pure scalar.
 fn angular_rates(q: [&[f64]; 3], at: usize) -> (Vector3<f64>, Vector3<f64>) {
     let conjugate = quaternion(q[0], at).conjugate();
     let body = |rate: &[f64]| 2.0 * (conjugate * quaternion(rate, at)).vector();
@@ -269,8 +272,8 @@ mod tests {
         UnitQuaternion::from_scaled_axis(axis * angle)
     }
 
-    /// Coordinates, velocities and accelerations in closed form: spin about the world's z after a swing about the body's x,
-    /// R = Rz(a(t)) Rx(b(t)), with ω = ȧ Rxᵀz + ḃ x in body axes.
+    /// Coordinates, velocities and accelerations in closed form: spin about the world's z after a
+    /// swing about the body's x, R = Rz(a(t)) Rx(b(t)), with ω = ȧ Rxᵀz + ḃ x in body axes.
     fn truth(t: f64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
         let (z, x) = (Vector3::z(), Vector3::x());
         let rotation = |a: [f64; 3], b: [f64; 3]| {

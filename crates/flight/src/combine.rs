@@ -27,7 +27,8 @@ const AT_REST: f64 = 0.05;
 /// … for at least this long in total, s.
 const LEAST_REST_S: f64 = 0.15;
 
-/// Finds the flights of a trial with whatever it has: plates, motion (with model and prior inertias), or both.
+/// Finds the flights of a trial with whatever it has: plates, motion (with model and prior
+/// inertias), or both.
 ///
 /// # Errors
 /// The method requires data that the trial lacks, or `from_motion` fails.

@@ -1,4 +1,5 @@
-//! Flights bounded by contact sensors: a foot's switch or force sensor says when something touches the body.
+//! Flights bounded by contact sensors: a foot's switch or force sensor says when something touches
+//! the body.
 
 use crate::{EdgeSource, Flight, FlightReport, FlightWarning, Rejected, RejectionReason};
 use std::ops::Range;
@@ -25,9 +26,10 @@ impl ContactSensor {
     }
 }
 
-/// Cuts what the sensors call contact out of the flights; pieces shorter than `min_duration_s` are no flights. A sensor that says
-/// contact during more than half of a flight, in which the body falls freely by its motion, is wrong: it is named in a warning and
-/// not used. Mean accelerations stay those of the flights as they were found.
+/// Cuts what the sensors call contact out of the flights; pieces shorter than `min_duration_s` are
+/// no flights. A sensor that says contact during more than half of a flight, in which the body
+/// falls freely by its motion, is wrong: it is named in a warning and not used. Mean accelerations
+/// stay those of the flights as they were found.
 pub fn bounded_by_contact(report: FlightReport, sensors: &[ContactSensor], min_duration_s: f64) -> FlightReport {
     let mut out = report;
     let mut used: Vec<&ContactSensor> = Vec::new();

@@ -2,12 +2,12 @@
 //!
 //! A loaded plate does not measure everything that the body touches: the other foot may stand
 //! beside it, a chair, a box or a helper may carry a part. Two observations decide, frame by frame.
-//! *Feet*: a foot that is down (low and slow) lies on a plate, or the centre of pressure of a loaded
-//! plate lies under it. *Load*: over 0.3 s the mean vertical force equals `m (Δv / T + g)`, with v
-//! the velocity of the centre of mass. The mean removes impacts and soft tissue, which do not
-//! change the momentum over such a window; what then differs by a fifth of body weight is contact
-//! that no plate measures. Frames that fail either test take no part in contact rows and in the
-//! comparison, and [`Coverage::words`] says how many and why.
+//! *Feet*: a foot that is down (low and slow) lies on a plate, or the centre of pressure of a
+//! loaded plate lies under it. *Load*: over 0.3 s the mean vertical force equals `m (Δv / T + g)`,
+//! with v the velocity of the centre of mass. The mean removes impacts and soft tissue, which do
+//! not change the momentum over such a window; what then differs by a fifth of body weight is
+//! contact that no plate measures. Frames that fail either test take no part in contact rows and in
+//! the comparison, and [`Coverage::words`] says how many and why.
 
 use crate::center_of_mass::CenterOfMass;
 use crate::feet::Feet;
@@ -224,8 +224,8 @@ pub fn coverage(
 
 /// Load of the plates against the momentum of the body.
 struct Balance {
-    /// Load that is missing on the plates, relative to body weight, mean over the window in the same
-    /// run of known load that is centred nearest to each frame; NaN where unknown.
+    /// Load that is missing on the plates, relative to body weight, mean over the window in the
+    /// same run of known load that is centred nearest to each frame; NaN where unknown.
     deficit: Vec<f64>,
     /// Load of the plates over the load required, median over windows in contact.
     gain: Option<f64>,

@@ -43,7 +43,8 @@ pub struct Flight {
     pub takeoff_source: EdgeSource,
     /// Evidence for its end.
     pub landing_source: EdgeSource,
-    /// Mean acceleration of the centre of mass in it, m/s², world frame; NaN (in JSON: null) where no motion was given.
+    /// Mean acceleration of the centre of mass in it, m/s², world frame; NaN (in JSON: null) where
+    /// no motion was given.
     #[serde(deserialize_with = "null_is_nan")]
     pub mean_acceleration_mps2: [f64; 3],
 }
@@ -87,7 +88,8 @@ pub enum RejectionReason {
         /// Vertical acceleration, m/s².
         vertical_mps2: f64,
     },
-    /// The acceleration is that of the other flights, but it comes and goes gradually, as in the dip before a jump.
+    /// The acceleration is that of the other flights, but it comes and goes gradually, as in the
+    /// dip before a jump.
     Gradual,
     /// No plate is loaded from the start or to the end of the recording, and no motion shows when
     /// the fall begins or ends.

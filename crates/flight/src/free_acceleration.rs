@@ -44,7 +44,8 @@ const WEAK: f64 = 0.3;
 /// The same for plateaus longer than any on the ground with sharp edges, s (jumps in weak gravity).
 const STEADY_AND_LONG: f64 = 0.25;
 const LONG_S: f64 = 1.0;
-/// The same before the fit of first moments, for stronger accelerations; [`STEADY`] must then hold after the fit.
+/// The same before the fit of first moments, for stronger accelerations; [`STEADY`] must then hold
+/// after the fit.
 const STEADY_BEFORE_FIT: f64 = 0.3;
 /// The same in a stretch bounded by plates in which no plate is loaded.
 const STEADY_ON_PLATES: f64 = 0.35;
@@ -182,7 +183,8 @@ impl Acceleration {
         !matches!((before, after), (Some(false), _) | (_, Some(false)) | (None, None))
     }
 
-    /// Frames in stretches of this free acceleration that are steady, long enough, and have sharp edges.
+    /// Frames in stretches of this free acceleration that are steady, long enough, and have sharp
+    /// edges.
     fn evidence(&self, free: &Vector3<f64>, options: &FlightOptions, search: &Search<'_>) -> Vec<Range<usize>> {
         let size = free.norm();
         let longest = longest_frames(size, self.rate_hz, options);

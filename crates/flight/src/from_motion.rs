@@ -26,7 +26,8 @@ const BRIEF: f64 = 0.15;
 /// their own acceleration.
 const RECENTER: f64 = 0.1;
 
-/// Finds the flights in a motion (positions suffice; filtered or not). `phi` are prior inertias in link frames.
+/// Finds the flights in a motion (positions suffice; filtered or not). `phi` are prior inertias in
+/// link frames.
 ///
 /// The centre of mass is low-passed, differentiated twice and compared with the free acceleration,
 /// in one band along it and one across it; short interruptions are merged and short stretches
@@ -76,7 +77,8 @@ pub(crate) struct PlateEvidence {
     pub between_loads: Vec<Range<usize>>,
 }
 
-/// The search; with plates, an acceleration other than the stated gravity is taken from unloaded frames only.
+/// The search; with plates, an acceleration other than the stated gravity is taken from unloaded
+/// frames only.
 pub(crate) fn search(
     model: &Model,
     phi: &[Phi],

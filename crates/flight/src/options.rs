@@ -30,7 +30,8 @@ pub struct FlightOptions {
     /// Longest flight, s. If the free acceleration is below standard gravity, the limit is longer
     /// by `√(9.81 m/s² / acceleration)`, the factor by which the same jump takes longer there.
     pub max_duration_s: f64,
-    /// Low-pass on the centre of mass before its acceleration is taken, Hz (zero phase, second order).
+    /// Low-pass on the centre of mass before its acceleration is taken, Hz (zero phase, second
+    /// order).
     pub com_cutoff_hz: f64,
     /// Tolerated deviation of the centre of mass' acceleration from the free acceleration, as a
     /// fraction of it, along its direction.
@@ -60,7 +61,8 @@ pub struct FlightOptions {
     /// Removed from both ends of flights found by plates, s: the last newtons of a push disappear
     /// in the noise.
     pub plate_guard_s: f64,
-    /// Fit the first moments of the links to the parabola of the centre of mass in the flights before the final search.
+    /// Fit the first moments of the links to the parabola of the centre of mass in the flights
+    /// before the final search.
     pub refine: bool,
     /// Standard deviation of a link's prior centre of mass in that fit, m.
     pub com_prior_sd_m: f64,

@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 /// Least time without load from which a plate is tared by its own readings, s.
 const LEAST_UNLOADED_S: f64 = 0.25;
 
-/// Largest spread of the readings of an unloaded plate from stretch to stretch: this multiple of the
-/// noise within a stretch, and drift within a recording, N.
+/// Largest spread of the readings of an unloaded plate from stretch to stretch: this multiple of
+/// the noise within a stretch, and drift within a recording, N.
 const WANDER: f64 = 0.7;
 const SLOW_N: f64 = 0.3;
 
@@ -114,8 +114,9 @@ fn median_vector(samples: &[Vector3<f64>], chosen: &[usize]) -> Option<Vector3<f
     Some(out)
 }
 
-/// Tare from the plate's own readings: the median over stretches of 40 ms that are low (below 15 % of the strongest load, at
-/// least 30 N) and as quiet as the quietest ones. Zero where the plate is never unloaded.
+/// Tare from the plate's own readings: the median over stretches of 40 ms that are low (below 15 %
+/// of the strongest load, at least 30 N) and as quiet as the quietest ones. Zero where the plate is
+/// never unloaded.
 pub fn unloaded_tare(plate: &Plate) -> PlateTare {
     let window = ((0.04 * plate.rate_hz).round() as usize).max(4);
     let mut loads: Vec<f64> = plate.force_n.iter().map(|f| f.z.abs()).filter(|x| x.is_finite()).collect();
@@ -142,8 +143,8 @@ pub fn unloaded_tare(plate: &Plate) -> PlateTare {
     let Some(quarter) = quantile_of_sorted(&deviations, 1, 4) else { return PlateTare::none(plate) };
     let quiet = (2.0 * quarter).max(0.2).min(5.0_f64.max(deviations[0] * 1.5));
     stretches.retain(|s| s.1 <= quiet);
-    // an unloaded plate reads the same in all of them, or drifts steadily; under the light touch of a
-    // foot the readings wander by more than the noise within a stretch
+    // an unloaded plate reads the same in all of them, or drifts steadily; under the light touch of
+    // a foot the readings wander by more than the noise within a stretch
     let points: Vec<(f64, f64)> = stretches.iter().map(|s| (s.0 as f64, s.2)).collect();
     let mut plain: Vec<f64> = points.iter().map(|p| p.1).collect();
     let mut straight = without_trend(&points);

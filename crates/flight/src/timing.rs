@@ -1,12 +1,12 @@
 //! Time of the plates against the cameras, from the impulse between two flights.
 //!
 //! With y = z + g t²/2 the centre of mass moves on a straight line in the air, `y = a + b t`. A
-//! contact between two flights bends that line: `∫ F dt / m = b₂ − b₁` and `∫ t F dt / m = a₁ − a₂`.
-//! The centroid in time of the vertical force is therefore the time at which both lines cross,
-//! `(a₁ − a₂) / (b₂ − b₁)`, whatever happened in between: no impact, filter or derivative takes part,
-//! and the mass drops out. The difference between the plates' centroid and the crossing is the delay
-//! of the plates. An error of the centre of mass that differs by δ between the two flights moves the
-//! crossing by δ / (b₂ − b₁).
+//! contact between two flights bends that line: `∫ F dt / m = b₂ − b₁` and `∫ t F dt / m = a₁ −
+//! a₂`. The centroid in time of the vertical force is therefore the time at which both lines cross,
+//! `(a₁ − a₂) / (b₂ − b₁)`, whatever happened in between: no impact, filter or derivative takes
+//! part, and the mass drops out. The difference between the plates' centroid and the crossing is
+//! the delay of the plates. An error of the centre of mass that differs by δ between the two
+//! flights moves the crossing by δ / (b₂ − b₁).
 
 use crate::center_of_mass::CenterOfMass;
 use crate::{Flight, FlightError, FrameWrench};
@@ -38,9 +38,9 @@ pub struct PlateDelay {
     pub posture_s: f64,
 }
 
-/// Delay at every contact between two flights of a trial. `total` is the sum of all plates, tared, at
-/// the frames of the motion. Contacts with missing samples, or in which `covered` marks a loaded frame
-/// as incompletely measured, are omitted, and flights with too few solved frames, too.
+/// Delay at every contact between two flights of a trial. `total` is the sum of all plates, tared,
+/// at the frames of the motion. Contacts with missing samples, or in which `covered` marks a loaded
+/// frame as incompletely measured, are omitted, and flights with too few solved frames, too.
 ///
 /// # Errors
 /// [`FlightError::Mismatch`] when model, inertias and motion do not belong together.

@@ -8,7 +8,8 @@ use aloft_trial::{Plate, Trial};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Force and moment on the subject at the marker frames, world frame, moment about the world origin.
+/// Force and moment on the subject at the marker frames, world frame, moment about the world
+/// origin.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct FrameWrench {
     /// Name of the plate, or `total`.

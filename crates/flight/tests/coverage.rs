@@ -1,4 +1,5 @@
-//! What plates measure of the contact: a made body with two feet, on plates, beside them, on a chair.
+//! What plates measure of the contact: a made body with two feet, on plates, beside them, on a
+//! chair.
 #![allow(clippy::unwrap_used, reason = "helpers of tests, not library code")]
 
 use aloft_body::subject::PriorSd;

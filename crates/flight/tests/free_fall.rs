@@ -334,7 +334,8 @@ fn validate_movements_on_the_ground_are_no_flights() {
     assert!(failed.is_empty(), "{}\n{}", failed.len(), failed.join("\n"));
 }
 
-/// Walks, stances and other real movements on the ground: the centroid of all markers in place of the centre of mass.
+/// Walks, stances and other real movements on the ground: the centroid of all markers in place of
+/// the centre of mass.
 #[test]
 fn validate_real_movements_on_the_ground_are_no_flights() {
     let Some(root) = shared_data::shared_data("") else { return };

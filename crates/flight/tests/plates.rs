@@ -217,7 +217,8 @@ fn motion_and_plates_complete_each_other() {
     assert_eq!(alone.to_string(), "ball: flights by `motion` need a motion, which this trial does not have");
 }
 
-/// The true centre of mass of a simulated person as the motion of a ball; noise of half a millimetre.
+/// The true centre of mass of a simulated person as the motion of a ball; noise of half a
+/// millimetre.
 #[test]
 fn validate_motion_agrees_with_plates_and_truth_within_two_frames() {
     let (model, phi, ..) = ball();

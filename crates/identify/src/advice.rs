@@ -113,7 +113,8 @@ pub struct MotionAdvice {
     pub motion: String,
     /// Link that it moves.
     pub link: String,
-    /// Share by which the standard deviations of the worst parameters shrink (geometric mean over the worst quarter).
+    /// Share by which the standard deviations of the worst parameters shrink (geometric mean over
+    /// the worst quarter).
     pub gain: f64,
     /// Parameters that improve most: name, present and expected standard deviation, in their unit.
     pub best: Vec<(String, f64, f64)>,

@@ -1,8 +1,10 @@
 //! Evidence by cluster (flight or trial): resampling and held-out error without the original rows.
 //!
-//! With U the triangle of all rows and prior rows together, every cluster's rows become `Q_g = A_g U⁻¹` with `Σ Q_gᵀQ_g + prior = 1`: a
-//! well-conditioned Gram `G_g = Q_gᵀQ_g` per cluster. At the estimate x̂ with residuals r_g = A_g x̂ − b_g, leaving a cluster out gives
-//! `x̂ + U⁻¹ (1 − G_g)⁻¹ Q_gᵀ r_g`, and giving it the weight w_g (bootstrap) `x̂ − U⁻¹ (1 + Σ (w_g−1) G_g)⁻¹ Σ (w_g−1) Q_gᵀ r_g`.
+//! With U the triangle of all rows and prior rows together, every cluster's rows become `Q_g = A_g
+//! U⁻¹` with `Σ Q_gᵀQ_g + prior = 1`: a well-conditioned Gram `G_g = Q_gᵀQ_g` per cluster. At the
+//! estimate x̂ with residuals r_g = A_g x̂ − b_g, leaving a cluster out gives `x̂ + U⁻¹ (1 − G_g)⁻¹
+//! Q_gᵀ r_g`, and giving it the weight w_g (bootstrap) `x̂ − U⁻¹ (1 + Σ (w_g−1) G_g)⁻¹ Σ (w_g−1)
+//! Q_gᵀ r_g`.
 
 use crate::system::System;
 use crate::{IdentifyError, Prior};
@@ -28,7 +30,8 @@ pub enum ClusterBy {
 }
 
 impl ClusterBy {
-    /// Number of the cluster of each factor, in the order of first appearance, and the clusters' names.
+    /// Number of the cluster of each factor, in the order of first appearance, and the clusters'
+    /// names.
     pub fn groups(self, factors: &[Factor]) -> (Vec<usize>, Vec<String>) {
         let mut names: Vec<String> = Vec::new();
         let mut known: BTreeMap<String, usize> = BTreeMap::new();
@@ -98,7 +101,8 @@ struct ClusterRows {
 }
 
 impl Clusters {
-    /// `merged` is the triangle of all groups; `weight` is the weight w of the prior in squared row units.
+    /// `merged` is the triangle of all groups; `weight` is the weight w of the prior in squared row
+    /// units.
     pub fn new(
         groups: &[Factor],
         merged: &Factor,
@@ -183,7 +187,8 @@ impl Clusters {
         x
     }
 
-    /// `(1 − G_g)⁻¹ Q_gᵀ r_g`, by least squares where leaving the cluster out leaves a direction undetermined.
+    /// `(1 − G_g)⁻¹ Q_gᵀ r_g`, by least squares where leaving the cluster out leaves a direction
+    /// undetermined.
     fn left_out(&self, g: usize, vector: &DVector<f64>) -> DVector<f64> {
         let m = self.estimate.len();
         let gram = &self.clusters[g].gram;
@@ -255,8 +260,9 @@ impl Clusters {
         out
     }
 
-    /// Variances of linear functions `cᵀ Σ_g Q_gᵀ ε_g` of the rows' errors (c a column of `functions`, m × n), from the spread among
-    /// clusters: bias-reduced linearisation (CR2), with the degrees of freedom of Bell and McCaffrey (2002).
+    /// Variances of linear functions `cᵀ Σ_g Q_gᵀ ε_g` of the rows' errors (c a column of
+    /// `functions`, m × n), from the spread among clusters: bias-reduced linearisation (CR2), with
+    /// the degrees of freedom of Bell and McCaffrey (2002).
     ///
     /// With `a_g = (1 − Q_gQ_gᵀ)^(−1/2) Q_g c` the variance is `Σ_g (a_gᵀ r_g)²`, a quadratic form
     /// of the errors. If these were independent and identically distributed, its eigenvalues would
@@ -421,7 +427,8 @@ fn solve_semidefinite(matrix: &Mat<f64>, right: &DVector<f64>, least: f64) -> DV
     }
 }
 
-/// `f(A) b` for a function of the eigenvalues, from the lower half of A; zero where the decomposition fails.
+/// `f(A) b` for a function of the eigenvalues, from the lower half of A; zero where the
+/// decomposition fails.
 fn through_eigen(matrix: &Mat<f64>, vector: &DVector<f64>, f: impl Fn(f64) -> f64) -> DVector<f64> {
     let n = vector.len();
     let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DVector::zeros(n) };

@@ -1,9 +1,9 @@
 //! Information of recorded flights, and what flights that were not recorded would add to it.
 //!
 //! In coordinates in which the prior's covariance (given the mass) is the identity, rows A of
-//! standard deviation s leave the covariance `(1 + Lᵀ AᵀA L / s²)⁻¹`, with the root L of the prior's
-//! covariance. Its trace divided by its size is the share of the prior's variance that is left: the
-//! criterion by which flights are planned (A-optimality; Pukelsheim, *Optimal Design of
+//! standard deviation s leave the covariance `(1 + Lᵀ AᵀA L / s²)⁻¹`, with the root L of the
+//! prior's covariance. Its trace divided by its size is the share of the prior's variance that is
+//! left: the criterion by which flights are planned (A-optimality; Pukelsheim, *Optimal Design of
 //! Experiments*, 1993, ch. 6). It weighs directions that are badly seen most.
 
 use crate::{IdentifyError, Prior};
@@ -24,8 +24,8 @@ impl Design {
     /// Information of the prior alone; `row_sd` is [`crate::Parameters::row_sd`] of the same rows.
     ///
     /// # Errors
-    /// [`IdentifyError::Option`] for a deviation that is not positive, [`IdentifyError::Numeric`] for a covariance
-    /// without a root.
+    /// [`IdentifyError::Option`] for a deviation that is not positive, [`IdentifyError::Numeric`]
+    /// for a covariance without a root.
     pub fn of_prior(prior: &Prior, mass_kg: f64, row_sd: f64) -> Result<Self, IdentifyError> {
         if !(row_sd > 0.0 && row_sd.is_finite()) {
             return Err(IdentifyError::Option { option: "row_sd", problem: format!("{row_sd}") });
@@ -44,7 +44,8 @@ impl Design {
         Ok(())
     }
 
-    /// Share of the prior's variance that is left after adding rows `times` over: 1 without information, 0 with all.
+    /// Share of the prior's variance that is left after adding rows `times` over: 1 without
+    /// information, 0 with all.
     ///
     /// # Errors
     /// As [`Design::add`], and [`IdentifyError::Numeric`] for rows that are not finite.

@@ -45,13 +45,14 @@ pub struct IdentifyOptions {
     /// Factors of the standard errors of effect coefficients, by column: how much they grow because
     /// nonlinear parameters of the effect, fixed here, were fitted to the same recordings.
     pub widening: BTreeMap<String, f64>,
-    /// Whether advice may contain turning the whole body over in the air: for objects, and for people
-    /// whose protocol contains it.
+    /// Whether advice may contain turning the whole body over in the air: for objects, and for
+    /// people whose protocol contains it.
     pub turning_over: bool,
 }
 
 impl Default for IdentifyOptions {
-    /// Mass-constrained least squares, clusters are stretches, no bootstrap; weights of a prior are chosen among 1, 3 and 10.
+    /// Mass-constrained least squares, clusters are stretches, no bootstrap; weights of a prior are
+    /// chosen among 1, 3 and 10.
     fn default() -> Self {
         Self {
             estimator: Estimator::MassConstrained,
@@ -75,8 +76,9 @@ impl Default for IdentifyOptions {
 /// estimator it is only reported next to the results (and used for the links).
 ///
 /// # Errors
-/// [`IdentifyError::Regressor`] when factors cannot be merged, [`IdentifyError::TooFew`] when the rows are too few for the estimator,
-/// [`IdentifyError::Option`] for an estimator without the prior that it needs.
+/// [`IdentifyError::Regressor`] when factors cannot be merged, [`IdentifyError::TooFew`] when the
+/// rows are too few for the estimator, [`IdentifyError::Option`] for an estimator without the prior
+/// that it needs.
 pub fn identify(
     model: &Model,
     base: &BaseParameters,

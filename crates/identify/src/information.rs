@@ -52,7 +52,8 @@ pub(crate) fn of_parameters(standing: &[Determination]) -> f64 {
 /// variance of a row.
 ///
 /// # Errors
-/// [`IdentifyError::Length`] for a prior of another model, [`IdentifyError::Numeric`] for one that is not a covariance.
+/// [`IdentifyError::Length`] for a prior of another model, [`IdentifyError::Numeric`] for one that
+/// is not a covariance.
 pub(crate) fn of_wrench(
     clusters: &[Factor],
     mass_kg: f64,

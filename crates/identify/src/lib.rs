@@ -69,7 +69,8 @@ use nalgebra::DVector;
 /// factor, zero for coefficients that the rows do not determine ([`Visible`]).
 ///
 /// # Errors
-/// [`IdentifyError::Option`] for a mass that is not positive, [`IdentifyError::Numeric`] for rows that are not finite.
+/// [`IdentifyError::Option`] for a mass that is not positive, [`IdentifyError::Numeric`] for rows
+/// that are not finite.
 pub fn mass_constrained(merged: &Factor, mass_kg: f64) -> Result<DVector<f64>, IdentifyError> {
     let visible = Visible::of(merged, false);
     Ok(visible.whole(system::System::new(&visible.reduce(merged)?, mass_kg, None)?.solve(0.0).x))

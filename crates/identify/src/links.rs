@@ -18,8 +18,8 @@
 //! is a nonlinear function f of the ten numbers x per link ([`crate::prior`]). Its linear map is
 //! first taken at the prior and then, as in Gauss and Newton's method, at the links found: `φ₀ =
 //! f(x̂) − F x̂`, `P = F Cov(x) Fᵀ` with `F = ∂f/∂x` at x̂. With the map of the prior alone, the
-//! values that motion does not determine keep the scale of a prior that the other values contradict,
-//! and 95 % intervals contain the truth in 92 to 93 % of sets.
+//! values that motion does not determine keep the scale of a prior that the other values
+//! contradict, and 95 % intervals contain the truth in 92 to 93 % of sets.
 
 use crate::prior::{PriorAt, covariance_root};
 use crate::system::inverse_triangle;
@@ -64,7 +64,8 @@ pub struct ConsistentLinks {
     pub effects: DVector<f64>,
     /// Number of Newton steps.
     pub steps: usize,
-    /// Smallest eigenvalue of any link's second moment about its centre of mass, relative to the largest of the same link.
+    /// Smallest eigenvalue of any link's second moment about its centre of mass, relative to the
+    /// largest of the same link.
     pub smallest_eigenvalue: f64,
 }
 
@@ -451,7 +452,8 @@ fn mass_keeping_root(covariance: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix
         .ok_or_else(|| IdentifyError::Numeric("the prior covariance of the links is singular".to_owned()))?;
     let whitened = &inverse * conditional * inverse.transpose();
     let eigen = (0.5 * (&whitened + whitened.transpose())).symmetric_eigen();
-    // in whitened coordinates the conditional covariance is a projector: one eigenvalue is zero, the others are one
+    // in whitened coordinates the conditional covariance is a projector: one eigenvalue is zero,
+    // the others are one
     let kept: Vec<usize> = (0..n).filter(|&i| eigen.eigenvalues[i] > 0.5).collect();
     let along = eigen.eigenvectors.select_columns(&kept);
     Ok((&root * &along, along.tr_mul(&inverse)))
@@ -481,7 +483,8 @@ pub(crate) fn gradient(phi: &Phi) -> SMatrix<f64, 10, 10> {
     out
 }
 
-/// Mass, centre of mass and inertia about it with standard deviations, from φ and its covariance (first order).
+/// Mass, centre of mass and inertia about it with standard deviations, from φ and its covariance
+/// (first order).
 pub(crate) fn link_with_sd(phi: &Phi, covariance: &SMatrix<f64, 10, 10>) -> (LinkInertia, LinkSd) {
     let by = gradient(phi);
     let sd = (by * covariance * by.transpose()).diagonal().map(|v| v.max(0.0).sqrt());

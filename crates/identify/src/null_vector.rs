@@ -1,4 +1,5 @@
-//! The paper's estimator: the right singular vector of the smallest singular value, scaled by the body mass.
+//! The paper's estimator: the right singular vector of the smallest singular value, scaled by the
+//! body mass.
 //!
 //! In flight `Y φ_B = 0`: the parameters span the null space of the merged factor. Noise in Y makes
 //! the smallest singular value σ_N positive; the ratio of the next one, σ_{N−1}, to it shows how
@@ -58,7 +59,8 @@ pub struct NullVector {
 /// Effect columns and the measured column are ignored: this estimator is for flights.
 ///
 /// # Errors
-/// [`IdentifyError::TooFew`] with fewer rows than parameters less one, [`IdentifyError::Numeric`] when the vector has no mass component.
+/// [`IdentifyError::TooFew`] with fewer rows than parameters less one, [`IdentifyError::Numeric`]
+/// when the vector has no mass component.
 pub fn null_vector(merged: &Factor, mass_kg: f64, scaling: ColumnScaling) -> Result<NullVector, IdentifyError> {
     let p = merged.n_parameters();
     if merged.height() + 1 < p {

@@ -24,7 +24,8 @@ pub struct Symmetry {
     pub midline: Vec<usize>,
     /// Link axis (0 x, 1 y, 2 z) perpendicular to the plane of symmetry, the same in every link.
     pub axis: usize,
-    /// Correlation of mirrored parameters, 0 (none) to below 1. Asymmetry of midline links shrinks by √(1 − correlation).
+    /// Correlation of mirrored parameters, 0 (none) to below 1. Asymmetry of midline links shrinks
+    /// by √(1 − correlation).
     pub correlation: f64,
 }
 
@@ -165,8 +166,8 @@ impl LinkPrior {
     }
 
     /// The prior with its linear map taken at the links `at`: their ten numbers x̂ relative to the
-    /// prior's links, scaled as in `own`, give the mean `φ̂ − F x̂` with `F = ∂φ/∂x` at x̂. `None` if
-    /// a link is not consistent.
+    /// prior's links, scaled as in `own`, give the mean `φ̂ − F x̂` with `F = ∂φ/∂x` at x̂. `None`
+    /// if a link is not consistent.
     pub(crate) fn at(&self, own: &[Phi], at: &[Phi]) -> Option<PriorAt> {
         let n = self.links.len();
         let mut mean = DVector::zeros(10 * n);
@@ -347,9 +348,8 @@ pub struct Prior {
 
 impl Prior {
     /// Mean and root of the covariance of all base parameters except the mass, conditional on the
-    /// mass.
-    /// The prior given the mass, ready for many systems: the root of its covariance takes longer than
-    /// a solution.
+    /// mass. The prior given the mass, ready for many systems: the root of its covariance takes
+    /// longer than a solution.
     ///
     /// # Errors
     /// [`IdentifyError::Numeric`] for a covariance without a root.

@@ -18,7 +18,8 @@ use aloft_regressor::Factor;
 use faer::Mat;
 use nalgebra::{DMatrix, DVector};
 
-/// Merged rows with all effects in these coordinates; `m` directions of the body, `k` effect columns.
+/// Merged rows with all effects in these coordinates; `m` directions of the body, `k` effect
+/// columns.
 #[derive(Debug, Clone)]
 pub struct RotatedRows {
     /// Number of rows before factorisation.

@@ -1,11 +1,11 @@
 //! The estimate for a choice of effects from rotated rows ([`RotatedRows`]): what
-//! [`point_estimate_prepared`](crate::point_estimate_prepared) gives for the same merged rows, without
-//! a singular value decomposition for each choice.
+//! [`point_estimate_prepared`](crate::point_estimate_prepared) gives for the same merged rows,
+//! without a singular value decomposition for each choice.
 //!
-//! The variance of a row is found as there, by restricted maximum likelihood: for a trial variance v
-//! the rows have the variances `v + S²` (directions of the body) and `v` (all others); the effects'
-//! columns, weighed by them, are made orthonormal, and what they leave of the measured column gives
-//! likelihood and slope.
+//! The variance of a row is found as there, by restricted maximum likelihood: for a trial variance
+//! v the rows have the variances `v + S²` (directions of the body) and `v` (all others); the
+//! effects' columns, weighed by them, are made orthonormal, and what they leave of the measured
+//! column gives likelihood and slope.
 
 use crate::{IdentifyError, RotatedRows};
 use nalgebra::{DMatrix, DVector};

@@ -29,7 +29,8 @@ pub(crate) struct System {
     effects_inverse: DMatrix<f64>,
     coupling: DMatrix<f64>,
     effects_right: DVector<f64>,
-    /// Mean of the prior (zero without) and root of its covariance (column norms without), given the mass.
+    /// Mean of the prior (zero without) and root of its covariance (column norms without), given
+    /// the mass.
     mean: DVector<f64>,
     root: DMatrix<f64>,
     pub has_prior: bool,

@@ -10,8 +10,9 @@
 //!    of the rows as degrees of freedom, because neighbouring windows overlap.
 //! 2. **Prior.** Its own spread causes a bias where it constrains an estimate. This part is known,
 //!    not estimated.
-//! 3. **Soft tissue.** Slides of the skin repeat from flight to flight, so the spread does not show them. They are a random effect:
-//!    [`aloft_regressor::tissue`] draws it, and its size is that of the marker residuals.
+//! 3. **Soft tissue.** Slides of the skin repeat from flight to flight, so the spread does not show
+//!    them. They are a random effect: [`aloft_regressor::tissue`] draws it, and its size is that of
+//!    the marker residuals.
 //!
 //! The parts are added, and their degrees of freedom are combined by Satterthwaite's formula
 //! ([`crate::interval::satterthwaite`]).
@@ -44,8 +45,9 @@ pub(crate) struct Tissue {
 }
 
 impl Tissue {
-    /// From the slides of all factors, in the same order, with the cluster of each; `contact_weight` is the factor applied to
-    /// contact rows. `None` without slides, or if the markers show none.
+    /// From the slides of all factors, in the same order, with the cluster of each;
+    /// `contact_weight` is the factor applied to contact rows. `None` without slides, or if the
+    /// markers show none.
     pub fn of(factors: &[Factor], slides: &[Slides], groups: &[usize], contact_weight: f64) -> Option<Self> {
         let first = slides.first().filter(|_| slides.len() == factors.len())?;
         let (n, draws) = first.sums.shape();
@@ -128,8 +130,8 @@ impl Uncertainty {
     /// Residuals also contain the error of the prior and the slides of soft tissue, whose variances
     /// are added as parts of their own; what they contribute to the spread is not counted twice. In
     /// the working model (rows of variance s², prior of weight w with its stated covariance, slides
-    /// of the size that the markers show) the spread of a function is expected to be `s² Σ cᵀG_g c +
-    /// (w − s²) Σ b_gᵀ(1 − ΣG) b_g + Σ ‖cᵀ(1 − G_g)^(−1/2)(T_g − G_g ΣT)‖²`, of which the first
+    /// of the size that the markers show) the spread of a function is expected to be `s² Σ cᵀG_g c
+    /// + (w − s²) Σ b_gᵀ(1 − ΣG) b_g + Σ ‖cᵀ(1 − G_g)^(−1/2)(T_g − G_g ΣT)‖²`, of which the first
     /// term is the variance caused by the rows.
     fn rows(&self, functions: &DMatrix<f64>) -> Rows {
         match self.pooled {
@@ -174,7 +176,8 @@ impl Uncertainty {
             .collect()
     }
 
-    /// Covariance of parameters and effects, the mass first (zeros), and degrees of freedom of each variance.
+    /// Covariance of parameters and effects, the mass first (zeros), and degrees of freedom of each
+    /// variance.
     pub fn estimates(&self) -> (DMatrix<f64>, Vec<f64>) {
         let functions = self.clusters.own_functions();
         let rows = self.rows(&functions);

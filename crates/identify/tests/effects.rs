@@ -105,7 +105,8 @@ fn prior(truth: &Truth) -> LinkPrior {
     LinkPrior::new(&links, &sd, None).unwrap()
 }
 
-/// Largest difference of values and standard errors, relative to the value or its standard error, whichever is larger.
+/// Largest difference of values and standard errors, relative to the value or its standard error,
+/// whichever is larger.
 fn moved(a: &Parameters, b: &Parameters) -> f64 {
     let mut all = Vec::new();
     for (x, y) in a.base.iter().zip(&b.base) {

@@ -1,9 +1,11 @@
 //! Tracks and calibrates a folder of recordings and prints the figures.
 //!
-//! `cargo run --release -p aloft-ik --example measure -- <folder> <marker set> [--motion <out>] [--set option=value]…`
+//! `cargo run --release -p aloft-ik --example measure -- <folder> <marker set> [--motion <out>]
+//! [--set option=value]…`
 //!
-//! The folder holds `static*.c3d` (or `.trc`) and the moving trials. With `--motion`, world positions of all joint
-//! centres, frame by frame, are written as text for comparison with other programs.
+//! The folder holds `static*.c3d` (or `.trc`) and the moving trials. With `--motion`, world
+//! positions of all joint centres, frame by frame, are written as text for comparison with other
+//! programs.
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example is a program for people at a terminal")]
 
 use aloft_body::{ModelSpec, PersonFacts, Sex, State, Subject};

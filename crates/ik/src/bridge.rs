@@ -25,15 +25,16 @@ use std::ops::Range;
 
 /// Frames at each edge from which the rates of the cubics are taken.
 const EDGE: usize = 3;
-/// Stretch at each edge over which the residual of the marker is averaged, s. Its noise acts as a constant force on the pose
-/// during the whole gap.
+/// Stretch at each edge over which the residual of the marker is averaged, s. Its noise acts as a
+/// constant force on the pose during the whole gap.
 const RESIDUAL_S: f64 = 0.1;
-/// Standard deviation of the difference between a joint and the cubic in the start of the estimate, rad (m for prismatic
-/// joints).
+/// Standard deviation of the difference between a joint and the cubic in the start of the estimate,
+/// rad (m for prismatic joints).
 const CUBIC_SD_RAD: f64 = 0.05;
 /// Stretch on each side of a gap that is estimated with it, s. It gives rates at the edges.
 const SIDE_S: f64 = 0.06;
-/// Most frames estimated together, without the sides: more are cut into pieces that overlap by the longest gap.
+/// Most frames estimated together, without the sides: more are cut into pieces that overlap by the
+/// longest gap.
 const TOGETHER: usize = 250;
 
 /// A gap of one marker.
@@ -141,7 +142,8 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Estimates the frames of one piece again, those between two near gaps included; unsolved ones are not returned.
+    /// Estimates the frames of one piece again, those between two near gaps included; unsolved ones
+    /// are not returned.
     fn piece(&self, piece: &Piece) -> Vec<Bridged> {
         let mut out = Vec::new();
         let mut at = piece.together.start;
@@ -202,8 +204,9 @@ impl Work<'_> {
         result.collect()
     }
 
-    /// Where the estimate of a frame starts, with its missing markers: from the visible markers, and from the
-    /// cubics where these do not determine the pose. Frames without a gap start from their solution.
+    /// Where the estimate of a frame starts, with its missing markers: from the visible markers,
+    /// and from the cubics where these do not determine the pose. Frames without a gap start from
+    /// their solution.
     fn start(&self, frame: usize, solver: &mut Solver<'_>) -> (Vec<f64>, Vec<Substitute>) {
         let (problem, tree) = (self.problem, &self.problem.tree);
         let mut q = self.motion.q(frame).to_vec();
@@ -233,8 +236,9 @@ impl Work<'_> {
     }
 }
 
-/// Coordinates that are estimated as smooth in every frame: those of a link whose marker is missing, of the links above it
-/// and of those that hang on it (an elbow's marker determines the forearm, too), from one side of the gap to the other.
+/// Coordinates that are estimated as smooth in every frame: those of a link whose marker is
+/// missing, of the links above it and of those that hang on it (an elbow's marker determines the
+/// forearm, too), from one side of the gap to the other.
 fn smooth_coordinates(problem: &Problem, gaps: &[Gap], frames: &Range<usize>, side: usize) -> Vec<Vec<bool>> {
     let tree = &problem.tree;
     let mut out = vec![vec![false; tree.nv]; frames.len()];
@@ -250,7 +254,8 @@ fn smooth_coordinates(problem: &Problem, gaps: &[Gap], frames: &Range<usize>, si
     out
 }
 
-/// One joint's coordinates in a gap: Hermite's cubic between the edges, rotations in the tangent space of the first edge.
+/// One joint's coordinates in a gap: Hermite's cubic between the edges, rotations in the tangent
+/// space of the first edge.
 fn cubic(motion: &Motion, gap: &Gap, frame: usize, kind: &JointKind, at: usize, out: &mut [f64]) {
     let (a, b) = (gap.from, gap.to);
     // The outer ends of the stretches from which rates are computed.

@@ -1,7 +1,7 @@
 //! Labels that a whole trial, or a long part of it, has on other markers than the static trial.
 //!
-//! Two markers of one rigid segment whose labels are exchanged leave every trajectory continuous, so
-//! that nothing in the recording alone shows it. The geometry of the segment in the static trial
+//! Two markers of one rigid segment whose labels are exchanged leave every trajectory continuous,
+//! so that nothing in the recording alone shows it. The geometry of the segment in the static trial
 //! does: the markers no longer fit it rigidly, and fit again once the labels are exchanged back.
 //! Clusters that are nearly symmetric also fit when they are turned by half a revolution; there the
 //! pose of the neighbouring segment decides, too.
@@ -23,12 +23,13 @@ const SAMPLES: usize = 41;
 const SHARE: f64 = 0.5;
 /// … and to remove at least this much of it, m.
 const GAIN_M: f64 = 0.002;
-/// Share of the rigid residual that it may leave over all frames where the neighbour's pose decides,
-/// and in single frames, with an allowance for noise, m.
+/// Share of the rigid residual that it may leave over all frames where the neighbour's pose
+/// decides, and in single frames, with an allowance for noise, m.
 const OVER_ALL: f64 = 0.7;
 const ALIKE: f64 = 1.2;
 const NOISE_M: f64 = 0.001;
-/// Above this rigid residual the shape alone decides, m; below it the neighbour's pose has to agree.
+/// Above this rigid residual the shape alone decides, m; below it the neighbour's pose has to
+/// agree.
 const SHAPE_M: f64 = 0.010;
 /// A segment turned by more than this against its neighbour, compared with the static trial …
 const TURNED_RAD: f64 = 1.75;
@@ -52,7 +53,8 @@ pub struct LabelExchange {
     pub end: usize,
     /// Number of frames of the trial.
     pub n_frames: usize,
-    /// Root mean square distance of the markers from the static shape before, m (median over frames).
+    /// Root mean square distance of the markers from the static shape before, m (median over
+    /// frames).
     pub before_m: f64,
     /// The same after the exchange, m.
     pub after_m: f64,

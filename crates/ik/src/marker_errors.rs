@@ -44,15 +44,16 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// Lag of the second difference by which errors are measured, s: a window of 0.3 s, in which ψ̈ changes sign twice, is most
-/// sensitive to 1/(2 lag) = 6.7 Hz.
+/// Lag of the second difference by which errors are measured, s: a window of 0.3 s, in which ψ̈
+/// changes sign twice, is most sensitive to 1/(2 lag) = 6.7 Hz.
 const LAG_S: f64 = 0.075;
 /// Frames of a trial at which the fraction of an error that remains as residual is computed.
 const SAMPLES: usize = 8;
 /// Minimum fraction of a marker's error that must remain in its residual for its time course to be
 /// used.
 const SPEAKS: f64 = 0.25;
-/// Weight of the mean of all markers in the variance of one, in numbers of residuals (a marker has three at most).
+/// Weight of the mean of all markers in the variance of one, in numbers of residuals (a marker has
+/// three at most).
 const PRIOR_WEIGHT: f64 = 0.5;
 /// Multiplicative updates of the variances.
 const UPDATES: usize = 40;
@@ -63,9 +64,11 @@ pub struct MarkerErrors {
     problem: Problem,
     /// Random stream of each marker, by its index in the subject.
     stream: Vec<u64>,
-    /// Residual (measured − model) of each marker in its link's axes, m, `[marker][frame]`; gaps are bridged by straight lines.
+    /// Residual (measured − model) of each marker in its link's axes, m, `[marker][frame]`; gaps
+    /// are bridged by straight lines.
     residual: Vec<Vec<Vector3<f64>>>,
-    /// Mean square of the second difference of each residual over six (that of the residual, were it white), m².
+    /// Mean square of the second difference of each residual over six (that of the residual, were
+    /// it white), m².
     seen: Vec<f64>,
     /// The same of each marker's error, all three axes, m².
     size: Vec<f64>,
@@ -189,7 +192,8 @@ fn mean_square(series: &[Vector3<f64>], lag: usize) -> f64 {
     if n == 0 { 0.0 } else { sum / (6.0 * n as f64) }
 }
 
-/// B: squared norms of the blocks of P = I − J H⁻¹ Jᵀ W, mean over some of the solved frames, markers × markers.
+/// B: squared norms of the blocks of P = I − J H⁻¹ Jᵀ W, mean over some of the solved frames,
+/// markers × markers.
 fn kept_shares(problem: &Problem, motion: &Motion, solved: &[usize]) -> DMatrix<f64> {
     let n = problem.markers.len();
     let mut out = DMatrix::zeros(n, n);

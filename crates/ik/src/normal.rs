@@ -24,7 +24,8 @@ pub(crate) struct Moments {
 }
 
 impl Moments {
-    /// Adds a marker at `arm` from the reference point, with weight and weighted residual (model minus measured).
+    /// Adds a marker at `arm` from the reference point, with weight and weighted residual (model
+    /// minus measured).
     pub fn add_point(&mut self, arm: &Vector3<f64>, weight: f64, residual: &Vector3<f64>) {
         let weighted = arm * weight;
         self.mass += weight;
@@ -128,7 +129,8 @@ impl Packed {
         }
     }
 
-    /// Factorises `source` with its diagonal multiplied by `1 + damping` into `self`. False when it is not positive definite.
+    /// Factorises `source` with its diagonal multiplied by `1 + damping` into `self`. False when it
+    /// is not positive definite.
     pub fn factorise(&mut self, tree: &Tree, source: &Self, damping: f64) -> bool {
         self.values.copy_from_slice(&source.values);
         if damping > 0.0 {
@@ -149,7 +151,8 @@ impl Packed {
         true
     }
 
-    /// Eliminates row `k`, whose inverse pivot is given, from the rows above; its entries become those of the factor.
+    /// Eliminates row `k`, whose inverse pivot is given, from the rows above; its entries become
+    /// those of the factor.
     #[inline]
     fn eliminate(&mut self, tree: &Tree, k: usize, inverse: f64) {
         let (head, row) = self.values.split_at_mut(self.start[k]);
@@ -165,8 +168,9 @@ impl Packed {
         }
     }
 
-    /// Eliminates the rows for which `keep` is false, which must be closed towards the leaves: the kept rows and their
-    /// gradient become those of the reduced equations, the others hold their factor. False if a pivot is not positive.
+    /// Eliminates the rows for which `keep` is false, which must be closed towards the leaves: the
+    /// kept rows and their gradient become those of the reduced equations, the others hold their
+    /// factor. False if a pivot is not positive.
     pub fn reduce(&mut self, tree: &Tree, keep: &[bool]) -> bool {
         for k in (0..tree.nv).rev().filter(|&k| !keep[k]) {
             let above = &tree.ancestors[k];

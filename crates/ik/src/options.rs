@@ -35,7 +35,8 @@ pub struct IkOptions {
     pub huber_m: Option<f64>,
     /// Maximum number of steps of one minimisation.
     pub max_iterations: usize,
-    /// A minimisation has converged when the step is below this many standard deviations (of the estimate, at `marker_sd_m`).
+    /// A minimisation has converged when the step is below this many standard deviations (of the
+    /// estimate, at `marker_sd_m`).
     pub tolerance_sd: f64,
     /// A frame is restarted when its marker RMS exceeds this multiple of the previous one…
     pub restart_factor: f64,

@@ -1,5 +1,5 @@
-//! A stretch of frames estimated together: the poses that fit the visible markers of every frame and
-//! move smoothly.
+//! A stretch of frames estimated together: the poses that fit the visible markers of every frame
+//! and move smoothly.
 //!
 //! ```text
 //!   minimise  Σ_f cost_f(q_f)  +  ½ Σ_f Σ_j (Δ³q)²_fj / v_j
@@ -10,8 +10,8 @@
 //! difference of the relative rotations of successive frames), and v_j its variance
 //! ([`crate::roughness`]). The root has no such term: many markers determine it. This is the
 //! discrete smoothing spline of degree five (white jerk: Wahba, *Spline Models for Observational
-//! Data*, 1990, ch. 1) with the markers as measurements, minimised by damped Gauss-Newton steps. The
-//! frames are coupled over three neighbours.
+//! Data*, 1990, ch. 1) with the markers as measurements, minimised by damped Gauss-Newton steps.
+//! The frames are coupled over three neighbours.
 
 use crate::frame::Solver;
 use crate::normal::Packed;
@@ -36,7 +36,8 @@ const SETTLED: f64 = 1e-5;
 #[derive(Debug, Clone)]
 pub(crate) struct Substitute {
     pub marker: usize,
-    /// Position in the frame of its link, m: with the residual that the marker had at the edges of its gap.
+    /// Position in the frame of its link, m: with the residual that the marker had at the edges of
+    /// its gap.
     pub position: Vector3<f64>,
 }
 
@@ -57,8 +58,8 @@ pub(crate) struct Passage<'a, 'b> {
     pub first: usize,
     /// Missing markers of every frame.
     pub substitutes: &'a [Vec<Substitute>],
-    /// Coordinates that move smoothly in every frame: those of a link with all those above it. The others follow from
-    /// their own frame alone.
+    /// Coordinates that move smoothly in every frame: those of a link with all those above it. The
+    /// others follow from their own frame alone.
     pub smooth: &'a [Vec<bool>],
     /// Variance of the third difference of every coordinate, in units of the frames' costs.
     pub rough: &'a [f64],
@@ -80,9 +81,10 @@ impl Passage<'_, '_> {
     /// every smooth coordinate in every frame (NaN for the others; for markers of the nominal
     /// deviation), if the problem asks for it.
     ///
-    /// The first round uses the visible markers alone. In the others each missing marker stands where the pose of the round
-    /// before carries it, displaced by its residual: the pose approaches the compromise that it would be with the marker, and
-    /// what no visible marker determines moves by no more than these residuals.
+    /// The first round uses the visible markers alone. In the others each missing marker stands
+    /// where the pose of the round before carries it, displaced by its residual: the pose
+    /// approaches the compromise that it would be with the marker, and what no visible marker
+    /// determines moves by no more than these residuals.
     pub fn minimise(&mut self, q: &mut [Vec<f64>]) -> Option<Vec<Vec<f64>>> {
         let mut equations = self.form();
         let none: Vec<Vec<(usize, Vector3<f64>)>> = vec![Vec::new(); q.len()];
@@ -300,7 +302,8 @@ impl Passage<'_, '_> {
     }
 }
 
-/// Third difference of one joint over four successive frames, and its derivatives by the steps of these frames.
+/// Third difference of one joint over four successive frames, and its derivatives by the steps of
+/// these frames.
 struct Third {
     /// First coordinate.
     column: usize,
@@ -311,9 +314,10 @@ struct Third {
 }
 
 impl Third {
-    /// From the changes between the frames. The relative rotation u = log(AᵀB) changes by (I + ½[u]) b − (I − ½[u]) a when the
-    /// two rotations are stepped by a and b in their own axes (to first order in u; Solà,
-    /// Deray and Atchuthan, *A micro Lie theory for state estimation in robotics*, 2018, appendix B).
+    /// From the changes between the frames. The relative rotation u = log(AᵀB) changes by (I +
+    /// ½[u]) b − (I − ½[u]) a when the two rotations are stepped by a and b in their own axes (to
+    /// first order in u; Solà, Deray and Atchuthan, *A micro Lie theory for state estimation in
+    /// robotics*, 2018, appendix B).
     fn new(rates: &[Vec<f64>], column: usize, n: usize, turns: bool) -> Self {
         let rate = |i: usize| Vector3::from_fn(|k, _| if k < n { rates[i][column + k] } else { 0.0 });
         let u = [rate(0), rate(1), rate(2)];
@@ -325,8 +329,8 @@ impl Third {
     }
 }
 
-/// Change of the joints from one pose to another in the tangent space, rotations in the axes of the moving link; zero for the
-/// root.
+/// Change of the joints from one pose to another in the tangent space, rotations in the axes of the
+/// moving link; zero for the root.
 pub(crate) fn change(tree: &Tree, from: &[f64], to: &[f64]) -> Vec<f64> {
     let mut out = vec![0.0; tree.nv];
     let turn = |at: usize| -> Vector3<f64> {
@@ -368,7 +372,8 @@ mod tests {
                     Third::new(&rates(&moved), 0, 3, true).value
                 };
                 let expected = (at(1.0) - at(-1.0)) / 2e-6;
-                // the slopes are of first order in the rotation between two frames, here 0.1 to 0.2 rad
+                // the slopes are of first order in the rotation between two frames, here 0.1 to 0.2
+                // rad
                 assert!((slope.column(k) - expected).norm() < 0.01, "frame {f}: {slope} {expected}");
             }
         }

@@ -1,4 +1,5 @@
-//! How far joints of a person reach: soft limits of inverse kinematics, and a report where they act.
+//! How far joints of a person reach: soft limits of inverse kinematics, and a report where they
+//! act.
 //!
 //! Ranges are wide: the largest that clinical tables and gymnasts show, and some 15° more for the
 //! errors of joint frames. They keep a posture from a wrong branch; they do not shape a right one.

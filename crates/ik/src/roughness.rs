@@ -25,7 +25,8 @@ const SAMPLES: usize = 32;
 /// Third differences of a trial.
 #[derive(Debug, Clone)]
 pub(crate) struct Roughness {
-    /// Frame at the middle, and squared difference of every coordinate, (rad or m)²; NaN where a gap is too near.
+    /// Frame at the middle, and squared difference of every coordinate, (rad or m)²; NaN where a
+    /// gap is too near.
     differences: Vec<(usize, Vec<f64>)>,
     /// Number of coordinates.
     nv: usize,

@@ -1,5 +1,5 @@
-//! Symmetric positive definite matrices in skyline form: every row is stored from its first entry to
-//! the diagonal.
+//! Symmetric positive definite matrices in skyline form: every row is stored from its first entry
+//! to the diagonal.
 //!
 //! Cholesky's factor has the same form, so nothing is filled in outside of it (George and Liu,
 //! *Computer Solution of Large Sparse Positive Definite Systems*, 1981, ch. 4). All inner loops run

@@ -29,7 +29,8 @@ const TURNED_COST: f64 = 0.8;
 /// Motion of one trial and its fit to the markers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct IkResult {
-    /// Joint coordinates (world frame, SI), residuals and standard deviations; velocities and accelerations are empty.
+    /// Joint coordinates (world frame, SI), residuals and standard deviations; velocities and
+    /// accelerations are empty.
     pub motion: Motion,
     /// Figures by marker and by frame.
     pub report: IkReport,
@@ -42,8 +43,8 @@ pub struct IkResult {
 /// in a frame are omitted; gaps up to `bridge_gaps_s` are bridged. Frames in which the root is
 /// undetermined are NaN in the motion and counted in the report.
 ///
-/// `motion.q_sd` holds standard deviations from the inverse of the normal equations, scaled by each frame's residual
-/// variance (in the tangent space of `v`: m and rad).
+/// `motion.q_sd` holds standard deviations from the inverse of the normal equations, scaled by each
+/// frame's residual variance (in the tangent space of `v`: m and rad).
 ///
 /// # Errors
 /// [`IkError::TooFewMarkers`] when fewer than three markers are common to trial and subject;

@@ -20,7 +20,8 @@ const TURNED_COSINE: f64 = 0.766;
 const REST_ARM_M: f64 = 0.02;
 
 impl Solver<'_> {
-    /// Pose of a rigid set of points given by `point` at the visible markers that `belongs` selects.
+    /// Pose of a rigid set of points given by `point` at the visible markers that `belongs`
+    /// selects.
     fn rigid_fit(
         &self,
         belongs: impl Fn(usize) -> bool,

@@ -37,7 +37,8 @@ pub(crate) struct Tree {
     pub nv: usize,
     /// Link of each velocity-space column.
     pub column_link: Vec<usize>,
-    /// Columns above each column, root first; `ancestors[i]` is a prefix of `ancestors[j]` for each i in it.
+    /// Columns above each column, root first; `ancestors[i]` is a prefix of `ancestors[j]` for each
+    /// i in it.
     pub ancestors: Vec<Vec<usize>>,
 }
 
@@ -172,7 +173,8 @@ impl Tree {
         }
     }
 
-    /// `out = q ⊕ dv`: first order in the root's position, exact on rotations; quaternions stay of unit length.
+    /// `out = q ⊕ dv`: first order in the root's position, exact on rotations; quaternions stay of
+    /// unit length.
     pub fn retract(&self, q: &[f64], dv: &[f64], out: &mut [f64]) {
         for link in &self.links {
             let (iq, iv) = (link.q_offset, link.v_offset);
@@ -253,7 +255,8 @@ impl Tree {
         false
     }
 
-    /// Sets the rotation coordinates of a free or spherical joint so that its link has `world_from_link`.
+    /// Sets the rotation coordinates of a free or spherical joint so that its link has
+    /// `world_from_link`.
     pub fn set_rotation(&self, index: usize, world_from_link: &Matrix3<f64>, pose: &Pose, q: &mut [f64]) {
         let link = &self.links[index];
         let at = match link.kind {

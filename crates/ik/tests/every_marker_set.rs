@@ -86,8 +86,8 @@ fn person() -> Subject {
     scaled(&config("models/human34.yaml"), &set, &still(points.collect())).subject
 }
 
-/// A place for every marker of a set on the person: its landmark, or a place on the skin of its link
-/// that depends on its number.
+/// A place for every marker of a set on the person: its landmark, or a place on the skin of its
+/// link that depends on its number.
 fn worn(person: &Subject, set: &MarkerSet) -> Subject {
     let mut state = State::new(&person.model);
     state.forward_position(&person.model, &person.static_q);

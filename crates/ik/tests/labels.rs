@@ -1,4 +1,5 @@
-//! Labels on other markers than in the static trial: found by the shape of segments, exchanged back.
+//! Labels on other markers than in the static trial: found by the shape of segments, exchanged
+//! back.
 #![allow(clippy::unwrap_used, reason = "helpers of tests, not library code")]
 
 mod common;

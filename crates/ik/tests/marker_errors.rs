@@ -84,7 +84,8 @@ fn drawn_errors_move_poses_as_real_ones_do() {
                 drawn += band(&subject, &|f| at(&solved, f), &|f| at(&again, f)).powi(2) / 12.0;
             }
         }
-        // second differences over six: white noise keeps its variance, a sine of ω has 16 sin⁴(ω lag/2) / 6
+        // second differences over six: white noise keeps its variance, a sine of ω has 16 sin⁴(ω
+        // lag/2) / 6
         let of_wave = |omega: f64| 16.0 * (0.5 * omega * LAG as f64 / RATE_HZ).sin().powi(4) / 6.0;
         let put_in = (noise_m.powi(2) + soft_m.powi(2) * 0.5 * (of_wave(12.0) + of_wave(25.0))).sqrt();
         let (size, ratio) = (size.sqrt() / put_in, (drawn / real).sqrt());

@@ -224,8 +224,9 @@ fn a_short_gap_leaves_no_step() {
     assert_eq!(report.markers.iter().map(|m| m.n_missing).sum::<usize>(), 100);
 }
 
-/// Several markers of one leg are missing at the same time while it moves fast: the motion across the gaps must be as good as
-/// smoothness and the other markers allow, with accelerations of the size that noise alone causes.
+/// Several markers of one leg are missing at the same time while it moves fast: the motion across
+/// the gaps must be as good as smoothness and the other markers allow, with accelerations of the
+/// size that noise alone causes.
 #[test]
 fn several_missing_markers_of_a_limb_leave_its_motion_smooth() {
     let subject = person();

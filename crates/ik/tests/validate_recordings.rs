@@ -135,7 +135,8 @@ fn validate_calibrated_segments_of_a_simulated_person() {
     }
 }
 
-/// One real subject: published fits of these trials by another program (AddBiomechanics) have 11.3 mm on average.
+/// One real subject: published fits of these trials by another program (AddBiomechanics) have 11.3
+/// mm on average.
 #[test]
 fn validate_real_jumps_fit_within_a_centimetre() {
     let Some(folder) = data("real_drop_jump/markers") else { return };

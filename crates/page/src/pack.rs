@@ -1,8 +1,9 @@
 //! Encodes numbers as text that is short and fast for a browser to read.
 //!
-//! Short lists stay JSON numbers. Matrices for computing ([`matrix`]) keep twelve digits. Long lists become base64 of little-endian values, `{"$": "f4" |
-//! "i2", "b": …}`; `i2` has a step `"s"` by which the integers are multiplied. Missing values are
-//! null in lists, NaN in `f4`, −32768 in `i2`.
+//! Short lists stay JSON numbers. Matrices for computing ([`matrix`]) keep twelve digits. Long
+//! lists become base64 of little-endian values, `{"$": "f4" | "i2", "b": …}`; `i2` has a step `"s"`
+//! by which the integers are multiplied. Missing values are null in lists, NaN in `f4`, −32768 in
+//! `i2`.
 
 use serde_json::{Value, json};
 
@@ -75,9 +76,9 @@ pub struct Shape {
     pub bytes: usize,
 }
 
-/// A matrix for computing: `{"r": rows, "c": columns, "u": upper, "n": bytes, "e": […], "b": …}`. Every
-/// column is a list of integers times 2 to the power of its own entry of `e`. Columns follow each
-/// other in `b`.
+/// A matrix for computing: `{"r": rows, "c": columns, "u": upper, "n": bytes, "e": […], "b": …}`.
+/// Every column is a list of integers times 2 to the power of its own entry of `e`. Columns follow
+/// each other in `b`.
 pub fn matrix(shape: Shape, value: impl Fn(usize, usize) -> f64) -> Value {
     let Shape { rows, columns, upper, bytes: width } = shape;
     let bits = 8 * width as i32 - 1;

@@ -1,4 +1,5 @@
-//! Player for a recording in three dimensions: segments with their shapes, markers, forces, effects.
+//! Player for a recording in three dimensions: segments with their shapes, markers, forces,
+//! effects.
 //!
 //! The page's script draws it with three.js, or on a plain canvas where the browser has no WebGL.
 //! Places of points on segments are computed in the browser from the poses of the segments, so that
@@ -108,8 +109,8 @@ pub struct Animation {
     pub measured: Vec<Vec<[f64; 3]>>,
     /// Centre of mass in each frame.
     pub com_m: Vec<[f64; 3]>,
-    /// Displacement of the body in each frame without the effects of the model, m: NaN where it is not known; empty
-    /// without effects.
+    /// Displacement of the body in each frame without the effects of the model, m: NaN where it is
+    /// not known; empty without effects.
     pub ghost_m: Vec<[f64; 3]>,
     /// Forces, and moments of effects.
     pub arrows: Vec<Arrows>,

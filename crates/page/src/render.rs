@@ -50,8 +50,8 @@ fn nonce(page: &Page) -> String {
     blake3::hash(&text).to_hex()[..32].to_owned()
 }
 
-/// A judgement: its symbol, and its word if requested (`word`; `sign` where the text beside it is the word). The symbols differ in shape, so that colour
-/// is not needed.
+/// A judgement: its symbol, and its word if requested (`word`; `sign` where the text beside it is
+/// the word). The symbols differ in shape, so that colour is not needed.
 fn light(name: &str, with_word: &str) -> Value {
     let word = if with_word != "word" || name == "neutral" {
         String::new()

@@ -1,6 +1,6 @@
-//! The panel of switches beside a page: HTML, style and scripts, for a live page and for one that is
-//! sent. A live page gets its numbers from its server; a sent one computes them from numbers that it
-//! carries (`sent`).
+//! The panel of switches beside a page: HTML, style and scripts, for a live page and for one that
+//! is sent. A live page gets its numbers from its server; a sent one computes them from numbers
+//! that it carries (`sent`).
 
 use crate::Live;
 use serde_json::Value;

@@ -1,4 +1,5 @@
-// Line charts: uPlot panels that share the abscissa, the time of the player, and a choice of flight, contact or all.
+// Line charts: uPlot panels that share the abscissa, the time of the player, and a choice of
+// flight, contact or all.
 const Charts = (() => {
   const COLOURS = ["c0", "c1", "c2", "c3", "c4", "c5"];
   const drawn = new Map();
@@ -53,7 +54,8 @@ const Charts = (() => {
       let low = Infinity, high = -Infinity;
       x.forEach((at, i) => {
         if (state.window && (at < state.window[0] || at > state.window[1])) return;
-        // where a flight begins and ends the filter mixes in contact: these values do not set the scale
+        // where a flight begins and ends the filter mixes in contact: these values do not set the
+        // scale
         if (state.mode === "flight" && !f.shades.some(([a, b]) => at > a + 0.17 * (b - a) && at < b - 0.17 * (b - a))) return;
         for (const y of ys) if (y[i] !== null && y[i] !== undefined) { low = Math.min(low, y[i]); high = Math.max(high, y[i]); }
       });

@@ -1,4 +1,5 @@
-// Packed numbers back to lists; colours of the theme; libraries of the page; CSV. (`pack.rs` says how numbers are packed.)
+// Packed numbers back to lists; colours of the theme; libraries of the page; CSV. (`pack.rs` says
+// how numbers are packed.)
 const Numbers = (() => {
   const nonce = document.currentScript.nonce;
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));

@@ -1,4 +1,5 @@
-// One chapter at a time; figures drawn when they come into view; tables sorted; CSV; theme and print.
+// One chapter at a time; figures drawn when they come into view; tables sorted; CSV; theme and
+// print.
 (() => {
   const chapters = [...document.querySelectorAll(".chapter")];
   const drawings = [...document.querySelectorAll(".drawing")];
@@ -40,7 +41,8 @@
   window.addEventListener("hashchange", () => { unfold(false); show(true); });
   show(location.hash.length > 1);
 
-  // libraries while nothing else is to do, so that the first figure of the next chapter need not wait
+  // libraries while nothing else is to do, so that the first figure of the next chapter need not
+  // wait
   const idle = window.requestIdleCallback || setTimeout;
   idle(() => { Numbers.library("uplot"); idle(() => Numbers.library("three")); });
 

@@ -1,4 +1,5 @@
-// Player: time, view, switches, keyboard. Drawn by `player_gl.js`, or by `player_canvas.js` where the browser has no WebGL.
+// Player: time, view, switches, keyboard. Drawn by `player_gl.js`, or by `player_canvas.js` where
+// the browser has no WebGL.
 const Player = (() => {
   const PLAYERS = new Set(), OPEN = new Map();
   const { make } = Numbers;
@@ -47,7 +48,8 @@ const Player = (() => {
       make("div", { class: "controls" }, ...views, force, keys), heat, hint);
     el.style.minHeight = "";
 
-    // perspective: `eye` at a distance of six radii, so that one metre in the middle is `view.metre` pixels
+    // perspective: `eye` at a distance of six radii, so that one metre in the middle is
+    // `view.metre` pixels
     let view = null, size = [canvas.clientWidth, canvas.clientHeight];
     const look_at = () => {
       const [width, height] = size;

@@ -1,5 +1,5 @@
-// Draws a frame of the player with three.js. One WebGL context serves all players of the page (browsers allow about sixteen): each picture is
-// copied to the player's own canvas.
+// Draws a frame of the player with three.js. One WebGL context serves all players of the page
+// (browsers allow about sixteen): each picture is copied to the player's own canvas.
 const PlayerGl = (() => {
   let stage = null, failed = false;
   const begin = () => {

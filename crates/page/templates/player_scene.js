@@ -1,4 +1,5 @@
-// What the player shows: reads a recording, computes places of points on segments, lists what is drawn in a frame. Knows no way of drawing.
+// What the player shows: reads a recording, computes places of points on segments, lists what is
+// drawn in a frame. Knows no way of drawing.
 const PlayerScene = (() => {
   const LISTS = ["t", "flight", "origins", "turns", "measured", "com"];
   const read = (figure) => {

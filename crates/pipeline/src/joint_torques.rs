@@ -1,9 +1,10 @@
-//! Torques of a robot's joints as evidence: their rows in all flights, joint by joint, what they leave in flights that were left
-//! out, and what a perfect model would leave.
+//! Torques of a robot's joints as evidence: their rows in all flights, joint by joint, what they
+//! leave in flights that were left out, and what a perfect model would leave.
 //!
-//! The floor of a joint is made as that of the body: errors of encoders, base pose and inertial unit are drawn and passed through
-//! the smoothers that made the motion, white noise is drawn for the torques, and the rows are formed again. What they change is
-//! what a perfect model would leave.
+//! The floor of a joint is made as that of the body: errors of encoders, base pose and inertial
+//! unit are drawn and passed through the smoothers that made the motion, white noise is drawn for
+//! the torques, and the rows are formed again. What they change is what a perfect model would
+//! leave.
 
 use crate::factors::load_factors;
 use crate::results::Results;
@@ -77,8 +78,9 @@ struct Fitted {
 }
 
 impl<'a> JointTorques<'a> {
-    /// Loads the torques of the trials in `names`. None where no log holds torques, where they are not used (another unit, the
-    /// opposite sign), or where an effect of the model acts from outside, of which the joints do not know where it enters.
+    /// Loads the torques of the trials in `names`. None where no log holds torques, where they are
+    /// not used (another unit, the opposite sign), or where an effect of the model acts from
+    /// outside, of which the joints do not know where it enters.
     pub fn load(
         robot: &'a RobotSetup,
         results: Results<'_>,
@@ -136,7 +138,8 @@ impl<'a> JointTorques<'a> {
         laws_of_joints(known, &self.scene, model)
     }
 
-    /// Rows of each flight of a recording with a motion and torques; none for flights that are too short.
+    /// Rows of each flight of a recording with a motion and torques; none for flights that are too
+    /// short.
     fn formed(&self, of: &Recorded, motion: &Motion, torques: &[Vec<f64>]) -> Vec<Option<JointFlight>> {
         let torques = Torques { values: torques, sd_nm: self.robot.description.noise.torque_nm };
         of.stretches
@@ -175,8 +178,8 @@ impl<'a> JointTorques<'a> {
         }
     }
 
-    /// A joint with the laws of its model and columns of others, one flight (or recording) left out at a time; the last fold
-    /// leaves nothing out.
+    /// A joint with the laws of its model and columns of others, one flight (or recording) left out
+    /// at a time; the last fold leaves nothing out.
     pub fn folds(
         &self,
         joint: usize,
@@ -240,7 +243,8 @@ impl<'a> JointTorques<'a> {
         laws.iter().filter(|l| l.target.link() == link).cloned().collect()
     }
 
-    /// By how much one draw of the sensors' errors changes what the rows of each joint leave: sum of squares and number of rows.
+    /// By how much one draw of the sensors' errors changes what the rows of each joint leave: sum
+    /// of squares and number of rows.
     fn drawn(
         &self,
         recording: usize,

@@ -110,8 +110,8 @@ pub fn made_with(session: &SubjectSession, ws: &Workspace) -> String {
     for stage in STAGES {
         for (name, mut m) in made(session, ws, stage.name) {
             if let Some(all) = m.parameters.as_object_mut() {
-                // whether contact is used can follow from the effects; what the pipeline states of it
-                // is among the settings of `identify`
+                // whether contact is used can follow from the effects; what the pipeline states of
+                // it is among the settings of `identify`
                 all.remove("effects");
                 all.remove("corrections");
                 uncorrected_mass(all);

@@ -36,10 +36,10 @@ pub(crate) struct Zero {
 }
 
 impl Zero {
-    /// From the tares of the trial and of `others`. A plate is unknown if the trial never unloads it,
-    /// or if what was taken for its unloaded reading is far from those in flights of other trials: a
-    /// foot that rests lightly on a plate is as quiet as none. Readings without noise say nothing:
-    /// software set them to zero where the plate was unloaded.
+    /// From the tares of the trial and of `others`. A plate is unknown if the trial never unloads
+    /// it, or if what was taken for its unloaded reading is far from those in flights of other
+    /// trials: a foot that rests lightly on a plate is as quiet as none. Readings without noise say
+    /// nothing: software set them to zero where the plate was unloaded.
     pub fn of(results: Results<'_>, name: &str, tares: &[PlateTare], others: &[String]) -> Self {
         let theirs: Vec<Vec<PlateTare>> =
             others.iter().filter(|o| *o != name).filter_map(|o| results.load_tares(o).ok()).collect();

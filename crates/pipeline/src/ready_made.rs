@@ -1,12 +1,12 @@
 //! Results that exist already outside their places: those that `discover` computed on a copy of the
 //! workspace to state what an effect would give, and those that the last change of the model
-//! replaced. A task whose version, parameters and inputs are the same takes such a result instead of
-//! computing it again, bit for bit.
+//! replaced. A task whose version, parameters and inputs are the same takes such a result instead
+//! of computing it again, bit for bit.
 //!
-//! `WORKSPACE/forecast` and `WORKSPACE/replaced` hold one result a task, laid out as a workspace. They
-//! are caches: where one is missing, damaged or made from something else, the stage runs. Their files
-//! are links to those in place, where the file system has links: results are replaced as a whole and
-//! never changed in place.
+//! `WORKSPACE/forecast` and `WORKSPACE/replaced` hold one result a task, laid out as a workspace.
+//! They are caches: where one is missing, damaged or made from something else, the stage runs.
+//! Their files are links to those in place, where the file system has links: results are replaced
+//! as a whole and never changed in place.
 
 use crate::graph::{self, Stage};
 use crate::run_report::{Ended, TaskReport};
@@ -37,8 +37,8 @@ fn link(from: &Path, to: &Path) -> std::io::Result<()> {
     std::fs::hard_link(from, to).or_else(|_| std::fs::copy(from, to).map(|_| ()))
 }
 
-/// Puts a result into a cache, in place of the one that is there. Nothing waits for the disk: what a
-/// crash leaves incomplete does not fit its hashes and is not used.
+/// Puts a result into a cache, in place of the one that is there. Nothing waits for the disk: what
+/// a crash leaves incomplete does not fit its hashes and is not used.
 fn store(from: &Path, into: &Workspace, stage: &str, trial: &str) -> Option<()> {
     let scratch = into.scratch(stage, trial).ok()?;
     for file in std::fs::read_dir(from).ok()? {
@@ -54,8 +54,8 @@ fn store(from: &Path, into: &Workspace, stage: &str, trial: &str) -> Option<()> 
 }
 
 /// Keeps the results of a study that depend on the effects of its model in a cache of a workspace;
-/// `made` is where they are. Those that stand in the workspace already are not kept, unless they are
-/// about to be replaced. A cache that cannot be written is none.
+/// `made` is where they are. Those that stand in the workspace already are not kept, unless they
+/// are about to be replaced. A cache that cannot be written is none.
 pub fn keep(session: &SubjectSession, made: &Workspace, workspace: &Workspace, cache: &str) {
     let into = Workspace::open(&workspace.root().join(cache));
     let _ = into.clear_abandoned();

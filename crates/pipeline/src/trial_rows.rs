@@ -137,7 +137,8 @@ pub struct TrialRows {
     pub plates: Vec<PlateSeries>,
     /// Centres of the plates, world, m.
     pub plate_centers_m: Vec<Vector3<f64>>,
-    /// Seconds from the start of the session to the first frame (0 without plates, where nothing depends on it).
+    /// Seconds from the start of the session to the first frame (0 without plates, where nothing
+    /// depends on it).
     pub session_time_s: f64,
     /// Source of that time; none without plates.
     pub calendar: Option<Calendar>,
@@ -145,8 +146,8 @@ pub struct TrialRows {
 
 impl TrialRows {
     /// Loads the results of the earlier stages for a trial. With a filter, the filtered motion is
-    /// loaded, too, and plates are filtered like it; the calendar tells when in the session the trial was recorded (computed only for trials with
-    /// plates).
+    /// loaded, too, and plates are filtered like it; the calendar tells when in the session the
+    /// trial was recorded (computed only for trials with plates).
     pub fn load(
         results: Results<'_>,
         filter: Option<&FilterConfig>,

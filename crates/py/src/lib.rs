@@ -1,9 +1,10 @@
 //! The native part of the Python package `aloft` (`python/aloft` beside this folder).
 //!
 //! It binds functions of `aloft-analysis` and computes nothing itself. An answer is handed over as
-//! the text that the command line prints with `--json`, so that both are the same to the last digit;
-//! tables are handed over by the Arrow PyCapsule interface, series by numpy's array interface, both
-//! without a copy. The Python part wraps these in classes with documentation and types.
+//! the text that the command line prints with `--json`, so that both are the same to the last
+//! digit; tables are handed over by the Arrow PyCapsule interface, series by numpy's array
+//! interface, both without a copy. The Python part wraps these in classes with documentation and
+//! types.
 
 mod errors;
 mod module;

@@ -1,5 +1,5 @@
-//! A pipeline with its folders, and the commands that take one. Every call reads the pipeline again,
-//! as the command line does, so that a change of the file or of the model counts at once.
+//! A pipeline with its folders, and the commands that take one. Every call reads the pipeline
+//! again, as the command line does, so that a change of the file or of the model counts at once.
 
 use crate::errors::raise;
 use crate::places;

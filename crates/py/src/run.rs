@@ -21,7 +21,8 @@ pub struct Opened {
     broken: Vec<Broken>,
     excluded: Vec<Broken>,
     remarks: Vec<String>,
-    /// What a user should know at once: a workspace in an earlier place, names of an earlier version.
+    /// What a user should know at once: a workspace in an earlier place, names of an earlier
+    /// version.
     notes: Vec<String>,
 }
 

@@ -1,5 +1,6 @@
 //! Tables for Python: polars frames behind the Arrow PyCapsule interface. Consumers share the
-//! buffers of numbers; nothing is copied. Text is converted to the layout that every consumer knows.
+//! buffers of numbers; nothing is copied. Text is converted to the layout that every consumer
+//! knows.
 
 use crate::errors::of_table;
 use crate::numbers::Numbers;

@@ -99,9 +99,9 @@ impl Progress for Reporter {
 }
 
 /// Runs a job without the interpreter's lock. `progress` is called in the calling thread with
-/// `(what, of, trial, done, total, seconds_left)`. Ctrl-C, or an error of `progress`, asks the job to
-/// stop and is raised when it has; a second Ctrl-C is raised at once, and what the job still computes
-/// goes on in its thread.
+/// `(what, of, trial, done, total, seconds_left)`. Ctrl-C, or an error of `progress`, asks the job
+/// to stop and is raised when it has; a second Ctrl-C is raised at once, and what the job still
+/// computes goes on in its thread.
 pub fn work<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<Bound<'_, PyAny>>,
@@ -154,8 +154,8 @@ fn words(panic: &(dyn Any + Send)) -> String {
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message").to_owned()
 }
 
-/// Refuses to work in a process that was forked after its parent worked: threads are not copied by a
-/// fork, and a job would wait for them forever.
+/// Refuses to work in a process that was forked after its parent worked: threads are not copied by
+/// a fork, and a job would wait for them forever.
 fn refuse_after_fork(py: Python<'_>) -> PyResult<()> {
     static FIRST: AtomicU32 = AtomicU32::new(0);
     let now = std::process::id();

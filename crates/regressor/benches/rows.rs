@@ -1,5 +1,5 @@
-//! Rows per second, factor building, merging, leaving out: the 34-DOF simulated person. `tests/peers/identify_bench.py` times Pinocchio and
-//! numpy on the same frames.
+//! Rows per second, factor building, merging, leaving out: the 34-DOF simulated person.
+//! `tests/peers/identify_bench.py` times Pinocchio and numpy on the same frames.
 #![allow(missing_docs, reason = "criterion makes the functions")]
 
 #[path = "../tests/common/mod.rs"]

@@ -1,7 +1,7 @@
 //! The paper's rows: six per frame from filtered accelerations, in root axes about the root origin.
 //!
-//! `Y_O(q, q̇, q̈) φ = F_ext` (Ayusawa, Venture, Nakamura 2010, eqs. 5 and 6), regrouped to base parameters.
-//! Input: filtered `Motion` and flights; output: one [`Factor`] per stretch.
+//! `Y_O(q, q̇, q̈) φ = F_ext` (Ayusawa, Venture, Nakamura 2010, eqs. 5 and 6), regrouped to base
+//! parameters. Input: filtered `Motion` and flights; output: one [`Factor`] per stretch.
 
 use crate::stretch::Acting;
 use crate::weak_windows::check_base;
@@ -38,8 +38,9 @@ impl Default for AccelerationOptions {
 /// Frames with NaN are left out. The motion must carry velocities and accelerations.
 ///
 /// # Errors
-/// [`RegressorError::NotFiltered`] without velocities or accelerations, [`RegressorError::TooShort`] when no frame is
-/// left, [`RegressorError::NoWrench`] for contact without plates.
+/// [`RegressorError::NotFiltered`] without velocities or accelerations,
+/// [`RegressorError::TooShort`] when no frame is left, [`RegressorError::NoWrench`] for contact
+/// without plates.
 pub fn acceleration_factor(
     model: &Model,
     base: &BaseParameters,
@@ -152,7 +153,8 @@ impl<'a> AccelerationRows<'a> {
     pub fn new(model: &'a Model, base: &'a BaseParameters) -> Self {
         Self { model, base, state: State::new(model), rows: DMatrix::zeros(6, base.len()) }
     }
-    /// Rows of one frame in root axes about the root origin: three of force (N per unit), three of moment (N·m per unit).
+    /// Rows of one frame in root axes about the root origin: three of force (N per unit), three of
+    /// moment (N·m per unit).
     pub fn base_rows(&mut self, q: &[f64], v: &[f64], a: &[f64]) -> &DMatrix<f64> {
         self.state.forward_acceleration(self.model, q, v, a);
         self.state.base_wrench_rows(self.model, self.base, &mut self.rows);

@@ -157,7 +157,8 @@ impl Factor {
         Ok(Self { trial, stretch: index, kind, rows, columns, n_rows, packed: values })
     }
 
-    /// The upper trapezoid packed row by row: row `i` from column `i` on; `min(n_rows, columns)` rows.
+    /// The upper trapezoid packed row by row: row `i` from column `i` on; `min(n_rows, columns)`
+    /// rows.
     pub fn values(&self) -> &[f64] {
         &self.packed
     }

@@ -24,7 +24,8 @@ const UNSEEN_LEVER_M: f64 = 1e-3;
 /// Errors of the coordinates in one frame.
 #[derive(Debug, Clone, Copy)]
 pub enum CoordinateNoise<'a> {
-    /// Independent coordinates, one standard deviation for each of the nv velocities' directions (m, rad).
+    /// Independent coordinates, one standard deviation for each of the nv velocities' directions
+    /// (m, rad).
     PerCoordinate(&'a [f64]),
     /// [`Motion::q_sd`] of each frame, coordinates taken as independent.
     FromMotion,
@@ -289,7 +290,8 @@ impl FrameNoise {
     }
 }
 
-/// Root L of the covariance LLᵀ of the coordinates' errors in one frame, nv × nv. `state` must hold the poses of the frame.
+/// Root L of the covariance LLᵀ of the coordinates' errors in one frame, nv × nv. `state` must hold
+/// the poses of the frame.
 ///
 /// [`RegressorError::Length`] if standard deviations do not fit the model,
 /// [`RegressorError::Numeric`] if one is negative or not finite.

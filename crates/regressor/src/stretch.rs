@@ -68,18 +68,18 @@ impl Stretch {
     }
 }
 
-/// Unit wrenches of candidate effects in every frame of a motion: the effect `k` with coefficient `θ` exerts
-/// `θ · (force, moment)` on the whole body.
+/// Unit wrenches of candidate effects in every frame of a motion: the effect `k` with coefficient
+/// `θ` exerts `θ · (force, moment)` on the whole body.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct EffectColumns {
     /// Names of the columns.
     pub names: Vec<String>,
-    /// One matrix per frame of the motion, 6 × k: world force (N per unit of the coefficient) and moment about the
-    /// world origin (N·m per unit). A frame with NaN gives no rows.
+    /// One matrix per frame of the motion, 6 × k: world force (N per unit of the coefficient) and
+    /// moment about the world origin (N·m per unit). A frame with NaN gives no rows.
     pub wrench: Vec<DMatrix<f64>>,
-    /// Change of the base parameters (SI units) for a unit of each coefficient: a load, a wrong mass. Its
-    /// columns are formed from the rows of the body themselves, `−E = Y δ`. None for an effect that is a
-    /// wrench alone; empty if all are.
+    /// Change of the base parameters (SI units) for a unit of each coefficient: a load, a wrong
+    /// mass. Its columns are formed from the rows of the body themselves, `−E = Y δ`. None for an
+    /// effect that is a wrench alone; empty if all are.
     pub inertia: Vec<Option<DVector<f64>>>,
 }
 

@@ -196,7 +196,8 @@ fn add_scaled(out: &mut [f64], factor: f64, values: &[f64]) {
     }
 }
 
-/// Changes of the prior body's first moment, momentum and angular momentum about one fixed point, frame by frame, for slides of 1 m/rad.
+/// Changes of the prior body's first moment, momentum and angular momentum about one fixed point,
+/// frame by frame, for slides of 1 m/rad.
 struct Changes {
     /// Frame × (first moment, momentum, angular momentum) × axis × realisation.
     series: Vec<f64>,
@@ -254,7 +255,8 @@ impl Changes {
         Self { series, fixed, draws }
     }
 
-    /// The six sums (× realisation) of a window that begins at frame `begin` of the series (see `weak_windows::window_weights`).
+    /// The six sums (× realisation) of a window that begins at frame `begin` of the series (see
+    /// `weak_windows::window_weights`).
     fn window(&self, rows: &WeakRows, w: usize, begin: usize, gravity: &Vector3<f64>, rate_hz: f64) -> Vec<f64> {
         let draws = self.draws;
         let mut out = vec![0.0; 6 * draws];
@@ -354,7 +356,8 @@ mod tests {
         (model, phi, markers, motion)
     }
 
-    /// Momenta of the body about `fixed`, with every coordinate moved by `shift` (frame × coordinate).
+    /// Momenta of the body about `fixed`, with every coordinate moved by `shift` (frame ×
+    /// coordinate).
     fn series(
         model: &Model,
         phi: &[Phi],

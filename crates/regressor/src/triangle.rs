@@ -199,7 +199,8 @@ struct Work<'a> {
     products: &'a mut [f64],
 }
 
-/// The reflections of a panel: `H_j = I − τ_j v_j v_jᵀ` with `v_j` one in row `j` of R and `scale_j` times the panel's column in the block.
+/// The reflections of a panel: `H_j = I − τ_j v_j v_jᵀ` with `v_j` one in row `j` of R and
+/// `scale_j` times the panel's column in the block.
 struct Reflections {
     scale: [f64; PANEL],
     /// T of `H_0 H_1 … = I − V T Vᵀ`, upper, row by row.

@@ -9,8 +9,8 @@ pub(crate) fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool)
     runs.into_iter().map(|r| (first + r.start, first + r.end)).collect()
 }
 
-/// Velocities of every frame of the run `start .. end` by central differences on the manifold, nv a frame: sixth order
-/// inside, lower near the ends, zero at the first and last frame.
+/// Velocities of every frame of the run `start .. end` by central differences on the manifold, nv a
+/// frame: sixth order inside, lower near the ends, zero at the first and last frame.
 // each difference of two frames is used for both, with opposite signs
 pub fn run_velocities(model: &Model, motion: &Motion, start: usize, end: usize) -> Vec<f64> {
     let (n, nv, most) = (end - start, model.nv, CENTRAL.len() - 1);

@@ -234,7 +234,8 @@ pub(crate) fn check_base(model: &Model, base: &BaseParameters, trial: &str) -> R
     Ok(())
 }
 
-/// Rows of every frame of a run about one fixed point, that point, and the path of the prior's centre of mass.
+/// Rows of every frame of a run about one fixed point, that point, and the path of the prior's
+/// centre of mass.
 fn run_rows(model: &Model, base: &BaseParameters, prior: &[Phi], motion: &Motion, start: usize, end: usize) -> RunRows {
     let p = base.len();
     let mut state = State::new(model);
@@ -278,7 +279,8 @@ pub(crate) fn fit_origin(
     let reach = test.length_s() / 2.0;
     let flying = kind == StretchKind::Flight;
     let degree = if flying { 1 } else { 3 };
-    // normal equations in Legendre-like scaled powers; windows are symmetric, so they are well conditioned
+    // normal equations in Legendre-like scaled powers; windows are symmetric, so they are well
+    // conditioned
     let n = degree + 1;
     let mut normal = DMatrix::<f64>::zeros(n, n);
     let mut right = DMatrix::<f64>::zeros(n, 3);

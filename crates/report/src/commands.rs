@@ -4,8 +4,8 @@ use aloft_study::quote;
 use aloft_study::subject_session::SubjectSession;
 use std::path::{Path, PathBuf};
 
-/// `aloft WORDS PIPELINE …` for this study, with the folders that the pipeline does not name; `last`
-/// is an argument after the pipeline.
+/// `aloft WORDS PIPELINE …` for this study, with the folders that the pipeline does not name;
+/// `last` is an argument after the pipeline.
 pub fn command(session: &SubjectSession, words: &str, last: Option<&str>) -> String {
     let mut all = whole_command(session, words);
     all.extend(last.map(str::to_owned));

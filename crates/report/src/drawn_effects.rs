@@ -58,8 +58,8 @@ pub struct Drawn {
     pub masses: Vec<MassAt>,
     /// Names of effects that have no place in space.
     pub unplaced: Vec<String>,
-    /// Force of all effects of the model in each frame of the motion, N, world axes; NaN where it is
-    /// not known.
+    /// Force of all effects of the model in each frame of the motion, N, world axes; NaN where it
+    /// is not known.
     pub total_n: Vec<Vector3<f64>>,
 }
 
@@ -213,8 +213,8 @@ fn one(
     }
 }
 
-/// Displacement of the centre of mass in each frame if the forces of the effects had not acted since
-/// the start of the flight, m: minus the twice integrated acceleration. NaN outside flights.
+/// Displacement of the centre of mass in each frame if the forces of the effects had not acted
+/// since the start of the flight, m: minus the twice integrated acceleration. NaN outside flights.
 pub fn ghost(total_n: &[Vector3<f64>], flights: &[Flight], mass_kg: f64, rate_hz: f64) -> Vec<Vector3<f64>> {
     let mut out = vec![Vector3::repeat(f64::NAN); total_n.len()];
     let h = 1.0 / rate_hz;

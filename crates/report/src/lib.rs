@@ -70,7 +70,8 @@ pub fn live(session: &SubjectSession, live: &Live<'_>) -> Result<String, Pipelin
     render_live(&page(session, false)?.0, live).map_err(|e| PipelineError::request(e.to_string()))
 }
 
-/// Builds the page of a study of several subjects and writes it; the subjects' own pages are written by [`write()`].
+/// Builds the page of a study of several subjects and writes it; the subjects' own pages are
+/// written by [`write()`].
 pub fn write_group(
     title: &str,
     members: &[Member<'_>],

@@ -17,8 +17,8 @@ fn notes(story: &Story<'_>) -> Option<Section> {
     (!blocks.is_empty()).then(|| Section::new("notes", "Notes", "Kept with the results.", blocks))
 }
 
-/// The first chapter: the headline with the ladder and the player, what remains, then the quality of
-/// the recordings.
+/// The first chapter: the headline with the ladder and the player, what remains, then the quality
+/// of the recordings.
 pub fn chapter(story: &Story<'_>) -> Chapter {
     let mut left: Vec<Block> = vec![headline(story).into()];
     left.extend(ladder::picture(story).map(Block::from));
@@ -62,8 +62,8 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
 }
 
-/// The recording shown on the first screen: the one on which the model errs most where it is judged,
-/// of those that can be played.
+/// The recording shown on the first screen: the one on which the model errs most where it is
+/// judged, of those that can be played.
 fn example<'s, 'a>(story: &'s Story<'a>) -> Option<&'s TrialStory<'a>> {
     let place = standings(story).first().map_or_else(|| "flight".to_owned(), |s| s.place.clone());
     let error = |t: &TrialStory<'_>| {

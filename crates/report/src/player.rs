@@ -85,7 +85,8 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
         let com = state.center_of_mass(&phi).1;
         a.com_m.push(com.into());
         a.ghost_m.extend(ghost.iter().map(|g| <[f64; 3]>::from(g[f])));
-        // both forces at one point: the centre of pressure, or the centre of mass where nothing presses
+        // both forces at one point: the centre of pressure, or the centre of mass where nothing
+        // presses
         let turned = &state.world_from_link[0].rotation;
         let at = pressure(&trial, f as f64 / motion.rate_hz).unwrap_or(com);
         let arrow =
@@ -166,8 +167,8 @@ impl<'s> Forces<'s> {
     }
 }
 
-/// Centre of pressure of all plates together at the height of the plates, m; none where they are not
-/// loaded.
+/// Centre of pressure of all plates together at the height of the plates, m; none where they are
+/// not loaded.
 fn pressure(trial: &Trial, time_s: f64) -> Option<Vector3<f64>> {
     let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
     let (mut height, mut weight) = (0.0, 0.0);

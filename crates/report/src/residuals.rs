@@ -88,7 +88,8 @@ fn maps(groups: &[&Group], by: &str, floor: Option<&NoiseFloor>) -> Vec<Block> {
     vec![Figure::heat_map(Words::new("Residual error in multiples of the noise floor", &caption), &map).into()]
 }
 
-/// What remains of the present model, by axis, in multiples of the floor; none if no floor is known.
+/// What remains of the present model, by axis, in multiples of the floor; none if no floor is
+/// known.
 pub fn remains(c: &Comparison, place: &str) -> Option<Figure> {
     let all = times_floor_by_axis(c, place);
     if all.len() != 6 || !all.iter().any(|x| x.1.is_finite()) {

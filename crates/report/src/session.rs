@@ -50,7 +50,8 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
 /// Most measurements that the first screen names.
 const SHOWN: usize = 3;
 
-/// What the recordings say that differs from what was expected, in a sentence; none where nothing does.
+/// What the recordings say that differs from what was expected, in a sentence; none where nothing
+/// does.
 pub fn brief(story: &Story<'_>) -> Option<String> {
     let checked = session_check(story.session);
     let differs: Vec<String> = checked

@@ -66,7 +66,8 @@ pub fn standings(story: &Story<'_>) -> Vec<PlaceError> {
     all
 }
 
-/// Where the effect of the last revision acts or where `discover` found something; none if neither says.
+/// Where the effect of the last revision acts or where `discover` found something; none if neither
+/// says.
 fn stated_place(asked: Option<&Discovery>, last: Option<&HistoryRow>) -> Option<String> {
     let found_in = asked.filter(|d| matches!(d.verdict, Verdict::Supported | Verdict::OneOf)).and_then(|d| {
         d.ladder.first().map(|a| a.judged_on.clone()).or_else(|| d.rounds.first().map(|r| r.judged_on.clone()))

@@ -152,7 +152,8 @@ impl<'a> Story<'a> {
     }
 }
 
-/// The larger of a recording's errors over windows in flight and contact, over the floor of the study.
+/// The larger of a recording's errors over windows in flight and contact, over the floor of the
+/// study.
 fn times_floor(c: &aloft_compare::Comparison, trial: &str) -> Option<(&'static str, f64)> {
     let own = c.first.trials.iter().find(|t| t.trial == trial)?;
     let floor = c.noise_floor.as_ref()?;

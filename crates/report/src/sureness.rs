@@ -87,7 +87,8 @@ pub(crate) fn missing(story: &Story<'_>) -> String {
     }
 }
 
-/// How sure the answers are: what the best effect leaves, and how much of the body the flights determine.
+/// How sure the answers are: what the best effect leaves, and how much of the body the flights
+/// determine.
 pub(crate) fn how_sure(story: &Story<'_>, first: Option<&PlaceError>) -> String {
     let mut parts: Vec<String> = asked(story).and_then(|d| evidence(story, d, first)).into_iter().collect();
     if let Some(found) = &story.found {
@@ -163,8 +164,8 @@ fn evidence(story: &Story<'_>, d: &Discovery, first: Option<&PlaceError>) -> Opt
     Some(format!("The best effect, `{}`, leaves {falls} of the error in {}{needed}.", best.key, best.judged_on))
 }
 
-/// Error that the stages found with all effects of the last discovery in the model, where the model is
-/// judged, N, and its ratio to the floor; none where it was not computed.
+/// Error that the stages found with all effects of the last discovery in the model, where the model
+/// is judged, N, and its ratio to the floor; none where it was not computed.
 pub(crate) fn after_all(story: &Story<'_>, first: &PlaceError) -> Option<(f64, Option<f64>)> {
     let d = asked(story)?;
     let kept = story.discoveries.last().map(|(_, kept)| kept)?;

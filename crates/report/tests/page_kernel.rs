@@ -21,8 +21,8 @@ const FIXTURES: [(&str, &str); 5] = [
     ("demo_human", "human_twin"),
     ("robot", "robot"),
 ];
-/// Largest relative difference of a held-out error, of a coefficient beside its largest value in any
-/// choice, and of a base parameter beside the largest of its unit.
+/// Largest relative difference of a held-out error, of a coefficient beside its largest value in
+/// any choice, and of a base parameter beside the largest of its unit.
 const TOLERANCE: f64 = 1e-9;
 
 fn repo() -> PathBuf {

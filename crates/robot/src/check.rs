@@ -1,6 +1,6 @@
 //! What a log says about itself: units, exchanged columns, the order of quaternions, the sensors'
-//! axes. Each check has evidence within the recording, so that a clear mistake is an error and not a
-//! bad result.
+//! axes. Each check has evidence within the recording, so that a clear mistake is an error and not
+//! a bad result.
 
 use crate::clock::{AT_REST_RAD_S, base_rates, rough_offset};
 use crate::log::{BaseLog, RobotLog};
@@ -14,8 +14,8 @@ const REACH: usize = 3;
 /// Checks a log and its base recording; returns remarks.
 ///
 /// # Errors
-/// [`RobotError::Log`] for columns without numbers, joint columns in degrees, exchanged or reversed columns, a gyroscope in
-/// degrees, and quaternions in another order or direction than stated.
+/// [`RobotError::Log`] for columns without numbers, joint columns in degrees, exchanged or reversed
+/// columns, a gyroscope in degrees, and quaternions in another order or direction than stated.
 pub fn check(log: &RobotLog, base: Option<&BaseLog>, model: &RobotModel) -> Result<Vec<String>, RobotError> {
     let mut remarks = Vec::new();
     missing(log, model, &mut remarks)?;

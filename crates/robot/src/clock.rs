@@ -20,7 +20,8 @@ pub struct RoughOffset {
     pub correlation: f64,
 }
 
-/// Angular velocity of the base in its own axes by central differences over `reach` rows, rad/s, with the times.
+/// Angular velocity of the base in its own axes by central differences over `reach` rows, rad/s,
+/// with the times.
 pub(crate) fn base_rates(base: &BaseLog, reach: usize) -> Vec<(f64, Vector3<f64>)> {
     let n = base.time_s.len();
     (reach..n.saturating_sub(reach))

@@ -15,7 +15,8 @@ pub enum Solid {
     Sphere(f64),
     /// Along z, without caps: radius and half the length, m.
     Cylinder(f64, f64),
-    /// Along z, with half spheres at both ends: radius and half the length between their centres, m.
+    /// Along z, with half spheres at both ends: radius and half the length between their centres,
+    /// m.
     Capsule(f64, f64),
     /// Half the axes, m.
     Ellipsoid(Vector3<f64>),
@@ -57,7 +58,8 @@ impl Solid {
             Self::Capsule(r, half) => {
                 let count = pieces(half, r);
                 let at = |k: usize| half * (2.0 * k as f64 / count as f64 - 1.0);
-                // the waists between two spheres of the string lie inside the shape's surface: wider by what is cut there
+                // the waists between two spheres of the string lie inside the shape's surface:
+                // wider by what is cut there
                 let wide = r.hypot(half / count as f64);
                 (0..=count).map(|k| (Vector3::z() * at(k), wide)).collect()
             }
@@ -105,7 +107,8 @@ fn pieces(half: f64, radius: f64) -> usize {
     ((half / radius.max(1e-6)).ceil() as usize).clamp(1, MOST)
 }
 
-/// Spheres of shapes, each moved by the pose of its link in the link of the model that it is part of.
+/// Spheres of shapes, each moved by the pose of its link in the link of the model that it is part
+/// of.
 pub(crate) fn link_spheres(
     shapes: &[Shape],
     home: &[(String, String, Isometry3<f64>)],

@@ -39,9 +39,11 @@ impl Columns {
         constants(&white(difference), &columns, prior_sd)
     }
 
-    /// Variance of the smoothed path at every step that comes from the constants' covariance, mean of the three axes.
+    /// Variance of the smoothed path at every step that comes from the constants' covariance, mean
+    /// of the three axes.
     ///
-    /// A constant that is off by δ moves the smoothed path by δ times the smoothed column less the column itself.
+    /// A constant that is off by δ moves the smoothed path by δ times the smoothed column less the
+    /// column itself.
     fn variance(&self, axis: &Axis, covariance: &DMatrix<f64>) -> Vec<f64> {
         let n = self.at_steps.first().map_or(0, Vec::len);
         let mut out = vec![0.0; n];
@@ -64,8 +66,8 @@ impl Columns {
     }
 }
 
-/// Deviations of a smoothed path: the smoother's own and those of the constants, times the size of the innovations
-/// where they are larger than stated.
+/// Deviations of a smoothed path: the smoother's own and those of the constants, times the size of
+/// the innovations where they are larger than stated.
 fn deviations(axis: &Axis, columns: &Columns, found: &Constants) -> Vec<f64> {
     let ratio = found.mean_square.sqrt().max(1.0);
     let of_constants = columns.variance(axis, &found.covariance);
@@ -168,9 +170,10 @@ fn orientation(
     Ok(out)
 }
 
-/// Position of the base, with bias of the accelerometer, its delay against the gyroscope, and the size of what it misses
-/// between its samples. The offset of the clocks is left as the orientation gave it: forces that a drive holds from step
-/// to step act later than they are sampled, which moves the path as an offset would.
+/// Position of the base, with bias of the accelerometer, its delay against the gyroscope, and the
+/// size of what it misses between its samples. The offset of the clocks is left as the orientation
+/// gave it: forces that a drive holds from step to step act later than they are sampled, which
+/// moves the path as an offset would.
 fn position(
     input: &FuseInput<'_>,
     grid: &Grid,
@@ -199,8 +202,8 @@ fn position(
             Axis::drifting(dt, variance, at.clone(), noise.position_m.powi(2), 100.0, 1e4)
         };
         let mut drifting = filter(between);
-        // the path that follows the poses: its velocity is free of the accelerometer's accumulated noise, with which
-        // the differences would be correlated
+        // the path that follows the poses: its velocity is free of the accelerometer's accumulated
+        // noise, with which the differences would be correlated
         let correction: Vec<Vec<nalgebra::Vector2<f64>>> = (0..3)
             .map(|k| drifting.smooth_states(&moved.difference.iter().map(|d| d[k]).collect::<Vec<_>>()))
             .collect();
@@ -232,7 +235,8 @@ fn position(
             return Ok((Path { pose, valid, orientation_sd: known.sd.clone(), position_sd }, acc_bias));
         }
         if round == 1 {
-            // likelihood of the innovations: the acceleration between samples is as uncertain as the poses show it
+            // likelihood of the innovations: the acceleration between samples is as uncertain as
+            // the poses show it
             let likely = |axis: &Axis| {
                 columns
                     .fit(axis, &moved.difference, &POSITION_PRIOR)
@@ -290,7 +294,8 @@ fn position_columns(
         let (p, v) = integrated(&|i| -(rotation[i] * axes[j]));
         add(p, &|i| v[i]);
     }
-    // a later accelerometer in turning axes: R ȧ = d(R a)/dt − ω × (R a); the first part gives the velocity
+    // a later accelerometer in turning axes: R ȧ = d(R a)/dt − ω × (R a); the first part gives the
+    // velocity
     let (p, v) = integrated(&|i| (rotation[i] * rate[i]).cross(&(force[i] - gravity)));
     add((0..n).map(|i| speed[i] - p[i]).collect(), &|i| force[i] - v[i]);
     columns

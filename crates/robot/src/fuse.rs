@@ -55,8 +55,8 @@ pub struct FusionReport {
     pub noise: SensorNoise,
     /// Remarks.
     pub warnings: Vec<String>,
-    /// Standard deviation of the acceleration in every step of the motion, m/s²: noise, and what the accelerometer misses
-    /// between its samples. Empty without an inertial unit.
+    /// Standard deviation of the acceleration in every step of the motion, m/s²: noise, and what
+    /// the accelerometer misses between its samples. Empty without an inertial unit.
     #[serde(default)]
     pub acc_sd_m_s2: Vec<f64>,
     /// When poses were measured: step of the motion and time after it, s.

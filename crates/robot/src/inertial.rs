@@ -19,8 +19,9 @@ fn weighed(samples: &[Vector3<f64>; 4], weights: [f64; 4]) -> Vector3<f64> {
     samples.iter().zip(weights).map(|(s, w)| s * w).sum()
 }
 
-/// Mean over a step, from the cubic through four samples. With straight lines between samples (the trapezoidal rule) a
-/// motion of angular frequency ω loses a share of `(ω dt)²/12`, which biases first moments by as much.
+/// Mean over a step, from the cubic through four samples. With straight lines between samples (the
+/// trapezoidal rule) a motion of angular frequency ω loses a share of `(ω dt)²/12`, which biases
+/// first moments by as much.
 fn mean_over(values: &[Vector3<f64>], i: usize) -> Vector3<f64> {
     weighed(&around(values, i), [-1.0 / 24.0, 13.0 / 24.0, 13.0 / 24.0, -1.0 / 24.0])
 }
@@ -71,7 +72,8 @@ impl Turned {
     ) -> Self {
         let n = gyro.len();
         let rate = |i: usize| gyro[i.min(n - 1)] - bias;
-        // rotation over a step: the mean rate, and what turning axes add (Magnus expansion, second order)
+        // rotation over a step: the mean rate, and what turning axes add (Magnus expansion, second
+        // order)
         let step = |i: usize| (mean_over(gyro, i) - bias) * dt + rate(i).cross(&rate(i + 1)) * (dt * dt / 12.0);
         // and over a part of it
         let part = |i: usize, t: f64| rate(i) * t + (rate(i + 1) - rate(i)) * (0.5 * t * t / dt);

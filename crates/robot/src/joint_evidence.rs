@@ -1,9 +1,10 @@
-//! What held-out flights say of each joint's torque: rows over short windows, predicted from the other flights together with the
-//! base rows.
+//! What held-out flights say of each joint's torque: rows over short windows, predicted from the
+//! other flights together with the base rows.
 //!
-//! The base rows determine the body; the rows of one joint beside them determine its reflected inertia, friction and gain. What
-//! they leave in flights that took no part is the held-out error of that joint, N·m. [`JointFolds::reduced`] prepares the test
-//! of further columns: everything that body and joint explain is projected out of them, once for each flight that is left out.
+//! The base rows determine the body; the rows of one joint beside them determine its reflected
+//! inertia, friction and gain. What they leave in flights that took no part is the held-out error
+//! of that joint, N·m. [`JointFolds::reduced`] prepares the test of further columns: everything
+//! that body and joint explain is projected out of them, once for each flight that is left out.
 
 use crate::joint_fit::{EFFECT_SD, body_prior, spread};
 use crate::model::RobotModel;
@@ -27,7 +28,8 @@ pub struct JointBlock {
     pub trial: String,
     /// Index of the flight in it.
     pub flight: usize,
-    /// Columns of the body (base parameters, effects of the base rows), then [`UNKNOWNS`], then laws in the model.
+    /// Columns of the body (base parameters, effects of the base rows), then [`UNKNOWNS`], then
+    /// laws in the model.
     pub x: DMatrix<f64>,
     /// Measured torque.
     pub y: DVector<f64>,
@@ -46,7 +48,8 @@ pub struct JointFlight {
     pub flight: usize,
     /// Its rows.
     pub rows: TorqueRows,
-    /// Effects of the base rows that are a change of inertia, as [`crate::torque::TorqueEffects::carried`].
+    /// Effects of the base rows that are a change of inertia, as
+    /// [`crate::torque::TorqueEffects::carried`].
     pub carried: Vec<(String, Option<DVector<f64>>)>,
     /// Windows of each joint in which it moves, and the share of them near rest: see [`moving`].
     pub moving: Vec<Vec<(usize, f64)>>,
@@ -55,8 +58,9 @@ pub struct JointFlight {
 /// Largest share of a window near rest.
 const MOST_AT_REST: f64 = 0.05;
 
-/// Windows of each joint that are judged, each with its share near rest. A joint that sticks takes any torque up to its friction,
-/// so that windows with more than a twentieth near rest are left out.
+/// Windows of each joint that are judged, each with its share near rest. A joint that sticks takes
+/// any torque up to its friction, so that windows with more than a twentieth near rest are left
+/// out.
 pub fn moving(rows: &TorqueRows) -> Vec<Vec<(usize, f64)>> {
     let of =
         |j: usize| rows.at_rest(j).iter().copied().enumerate().filter(|(_, share)| *share <= MOST_AT_REST).collect();
@@ -142,8 +146,8 @@ impl JointFlight {
         DVector::from_iterator(self.moving[j].len(), self.moving[j].iter().map(|m| out[m.0]))
     }
 
-    /// Sum of squares that sticking may leave in the windows of a joint: within its share near rest friction is anywhere between
-    /// plus and minus its size.
+    /// Sum of squares that sticking may leave in the windows of a joint: within its share near rest
+    /// friction is anywhere between plus and minus its size.
     pub fn sticking(&self, j: usize, friction: f64) -> f64 {
         self.moving[j].iter().map(|m| (friction * m.1).powi(2) / 3.0).sum()
     }
@@ -170,7 +174,8 @@ pub struct BodyEvidence {
 }
 
 impl BodyEvidence {
-    /// From the factors of flights, in columns `[φ_B | effects | measured]`. None if the prior cannot be used.
+    /// From the factors of flights, in columns `[φ_B | effects | measured]`. None if the prior
+    /// cannot be used.
     pub fn of(prior: &Prior, mass_kg: f64, factors: &[Factor], row_sd: f64) -> Option<Self> {
         let n = factors.first()?.columns.len() - 1;
         let flights = factors
@@ -227,7 +232,8 @@ pub struct JointFolds<'a> {
 const FEWEST_CLUSTERS: usize = 3;
 
 impl<'a> JointFolds<'a> {
-    /// Fits a joint beside the body. None with fewer than three flights, or if the rows cannot be solved.
+    /// Fits a joint beside the body. None with fewer than three flights, or if the rows cannot be
+    /// solved.
     pub fn of(joint: &'a JointEvidence, body: &BodyEvidence, robot: &RobotModel) -> Option<Self> {
         let first = joint.blocks.first()?;
         let n = first.x.ncols();
@@ -354,7 +360,8 @@ impl<'a> JointFolds<'a> {
         out
     }
 
-    /// Root mean square of what flights that were left out keep, N·m; none if a fold cannot be solved.
+    /// Root mean square of what flights that were left out keep, N·m; none if a fold cannot be
+    /// solved.
     pub fn held_out_nm(&self) -> Option<f64> {
         let mut squares = 0.0;
         for g in 0..self.clusters.len() {
@@ -368,7 +375,8 @@ impl<'a> JointFolds<'a> {
         Some((squares / self.rows().max(1) as f64).sqrt())
     }
 
-    /// All folds, the last with nothing left out; candidates that body and joint explain completely have no information.
+    /// All folds, the last with nothing left out; candidates that body and joint explain completely
+    /// have no information.
     pub fn reduced(&self) -> Option<Vec<ReducedFold>> {
         let n = self.clusters.len();
         let x: Vec<DMatrix<f64>> = (0..n).map(|g| self.stacked(g, |b| &b.x)).collect();
@@ -423,8 +431,9 @@ impl<'a> JointFolds<'a> {
     }
 }
 
-/// Floor from draws of the errors, each a sum of squares over a number of rows: geometric mean of their root mean squares, and
-/// the 95 % interval in which that of another set of recordings lies. None with fewer than two draws.
+/// Floor from draws of the errors, each a sum of squares over a number of rows: geometric mean of
+/// their root mean squares, and the 95 % interval in which that of another set of recordings lies.
+/// None with fewer than two draws.
 pub fn floor_of_draws(draws: &[(f64, usize)]) -> Option<(f64, [f64; 2])> {
     let logs: Vec<f64> = draws.iter().filter(|d| d.1 > 0).map(|d| 0.5 * (d.0 / d.1 as f64).ln()).collect();
     let n = logs.len() as f64;

@@ -48,8 +48,8 @@ pub struct JointEstimate {
     pub friction: Estimate,
     /// Gain of the measured torque: reading over torque.
     pub gain: Estimate,
-    /// Time by which the measured torque is later than the encoders, s; half a step of a drive that holds its torque from step
-    /// to step, with the opposite sign.
+    /// Time by which the measured torque is later than the encoders, s; half a step of a drive that
+    /// holds its torque from step to step, with the opposite sign.
     pub delay_s: Estimate,
 }
 
@@ -132,8 +132,8 @@ pub(crate) fn body_prior(prior: &Prior, mass_kg: f64, n: usize) -> Option<Normal
     Some(out)
 }
 
-/// Standard deviations of a joint's own unknowns before any motion. Wide: data sheets of friction are off by half, and a model
-/// without them says zero.
+/// Standard deviations of a joint's own unknowns before any motion. Wide: data sheets of friction
+/// are off by half, and a model without them says zero.
 pub(crate) fn spread(joint: &RobotJoint) -> [f64; 5] {
     [joint.armature.max(0.02), joint.damping.max(0.5), joint.friction.max(0.5), GAIN_SD, DELAY_SD_S]
 }

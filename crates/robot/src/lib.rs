@@ -3,10 +3,10 @@
 //! A robot's motion is not found by inverse kinematics: encoders measure the joints. This crate
 //! reads the model ([`RobotModel`], from URDF or MJCF), the log and the recording of the base
 //! ([`RobotLog`], [`BaseLog`]), combines them with the inertial unit into the same
-//! [`aloft_body::Motion`] that inverse kinematics gives for people ([`fuse`](fn@fuse)), and writes identified
-//! inertias back into the model's text ([`patch`](mod@patch)). Where torques are logged, [`torque`] and [`joint_fit`] add
-//! the joints' own unknowns: friction, reflected inertia, gains. Everything between, from flights to verdicts, is
-//! common to people, objects and robots.
+//! [`aloft_body::Motion`] that inverse kinematics gives for people ([`fuse`](fn@fuse)), and writes
+//! identified inertias back into the model's text ([`patch`](mod@patch)). Where torques are logged,
+//! [`torque`] and [`joint_fit`] add the joints' own unknowns: friction, reflected inertia, gains.
+//! Everything between, from flights to verdicts, is common to people, objects and robots.
 
 mod check;
 mod clock;

@@ -42,7 +42,8 @@ pub struct RobotLog {
     pub gyro: Option<Vec<Vector3<f64>>>,
     /// Specific force in the sensor's axes, m/s².
     pub acc: Option<Vec<Vector3<f64>>>,
-    /// Contact of links: the column's name and, for each row, 1 in contact and 0 without; NaN where missing.
+    /// Contact of links: the column's name and, for each row, 1 in contact and 0 without; NaN where
+    /// missing.
     pub contact: Vec<(String, Vec<f64>)>,
     /// Pose of the base by the same clock, if the log holds it.
     pub base: Option<BaseLog>,
@@ -106,8 +107,8 @@ fn vectors(columns: &Columns, names: [&str; 3]) -> Option<Vec<Vector3<f64>>> {
 /// Force on a link that counts as contact, as a share of the model's weight.
 const CONTACT_SHARE: f64 = 0.02;
 
-/// Columns of contact: `contact_LINK`, 1 in contact, and `force_z_LINK_n`, the load of a foot's sensor. Of a link with both the
-/// flag is taken.
+/// Columns of contact: `contact_LINK`, 1 in contact, and `force_z_LINK_n`, the load of a foot's
+/// sensor. Of a link with both the flag is taken.
 fn contacts(columns: &Columns, model: &RobotModel) -> Vec<(String, Vec<f64>)> {
     let limit_n = CONTACT_SHARE * model.mass_kg() * 9.81;
     let as_flag = |c: &[f64], above: f64| -> Vec<f64> {
@@ -198,8 +199,8 @@ impl RobotLog {
         Ok((grid.n, 1.0 / grid.dt_s))
     }
 
-    /// Torques at the frames of the motion, `[joint][frame]`: measured ones where every joint has them, otherwise commanded
-    /// ones; none if a joint has neither.
+    /// Torques at the frames of the motion, `[joint][frame]`: measured ones where every joint has
+    /// them, otherwise commanded ones; none if a joint has neither.
     ///
     /// # Errors
     /// As [`crate::fuse`].

@@ -1,9 +1,9 @@
-//! Markers on a robot's links: the base's pose from those on the base, and whether the others are where the
-//! encoders put their links.
+//! Markers on a robot's links: the base's pose from those on the base, and whether the others are
+//! where the encoders put their links.
 //!
-//! The pose of each frame is a rigid fit (Horn 1987, Arun et al. 1987; [`fit_pose_of_seen`]). Its noise follows
-//! from what the fits leave, less what stays the same in every frame (a marker that is not quite where the
-//! description says).
+//! The pose of each frame is a rigid fit (Horn 1987, Arun et al. 1987; [`fit_pose_of_seen`]). Its
+//! noise follows from what the fits leave, less what stays the same in every frame (a marker that
+//! is not quite where the description says).
 
 use crate::description::{MarkerPlace, SensorNoise};
 use crate::log::BaseLog;
@@ -86,7 +86,8 @@ pub struct MarkerMiss {
 /// Fewest markers on the base, and fewest frames with a pose.
 const LEAST_MARKERS: usize = 3;
 const LEAST_FRAMES: usize = 20;
-/// Distances of a marker from its described place above which it is named, and above which it is left out, m.
+/// Distances of a marker from its described place above which it is named, and above which it is
+/// left out, m.
 const NAMED_M: f64 = 0.003;
 const LEFT_OUT_M: f64 = 0.02;
 /// Smallest noise of a marker that is believed, m.
@@ -95,8 +96,8 @@ const LEAST_NOISE_M: f64 = 2e-5;
 /// Poses of the base link `root` from the markers on it.
 ///
 /// # Errors
-/// [`RobotError::Log`] for a description without markers on the base, a recording with fewer than three of them, markers
-/// on a line, and markers that are not where the description says.
+/// [`RobotError::Log`] for a description without markers on the base, a recording with fewer than
+/// three of them, markers on a line, and markers that are not where the description says.
 pub fn base_from_markers(
     recording: &MarkerRecording<'_>,
     description: &RobotDescription,
@@ -145,7 +146,8 @@ pub fn base_from_markers(
     }
     let n = used.iter().map(|u| u.2.len()).min().unwrap_or(0);
     let mut fits = fit(&used, n);
-    // a marker on another place (or exchanged with another one) draws the pose: leave out the worst while enough are left
+    // a marker on another place (or exchanged with another one) draws the pose: leave out the worst
+    // while enough are left
     loop {
         let misses = mean_misses(&used, &fits);
         let worst = (0..used.len()).max_by(|a, b| misses[*a].norm().total_cmp(&misses[*b].norm()));
@@ -249,7 +251,8 @@ fn mean_misses(used: &[Used<'_>], fits: &[Option<Isometry3<f64>>]) -> Vec<Vector
         .collect()
 }
 
-/// Noise of a marker from what the fits leave (3 n − 6 free numbers a frame), and of the poses by propagation.
+/// Noise of a marker from what the fits leave (3 n − 6 free numbers a frame), and of the poses by
+/// propagation.
 fn noise_of(used: &[Used<'_>], fits: &[Option<Isometry3<f64>>]) -> PoseNoise {
     let means = mean_misses(used, fits);
     let (mut square, mut free) = (0.0, 0.0);
@@ -278,9 +281,10 @@ fn noise_of(used: &[Used<'_>], fits: &[Option<Isometry3<f64>>]) -> PoseNoise {
     PoseNoise { marker_m, position_m: axis(&place), orientation_deg: axis(&turn).to_degrees() }
 }
 
-/// Compares markers on other links with where the motion puts them; returns what was found, and a remark for every link
-/// whose markers are further away than noise explains. The motion starts at `start_s` of the log's clock, from which the
-/// clock of the poses and markers in `base` differs by `offset_s`.
+/// Compares markers on other links with where the motion puts them; returns what was found, and a
+/// remark for every link whose markers are further away than noise explains. The motion starts at
+/// `start_s` of the log's clock, from which the clock of the poses and markers in `base` differs by
+/// `offset_s`.
 pub fn compare_links(
     model: &Model,
     motion: &Motion,

@@ -1,8 +1,8 @@
 //! MCAP containers: records, chunks and channels to messages in the order of the file.
 //!
-//! The container is read here and not by the crate `mcap`, which would add features to libraries that the
-//! whole workspace shares. Chunks may be plain or compressed with lz4 or zstd. The index at the end of a
-//! file is not needed and not read. Format: <https://mcap.dev/spec>.
+//! The container is read here and not by the crate `mcap`, which would add features to libraries
+//! that the whole workspace shares. Chunks may be plain or compressed with lz4 or zstd. The index
+//! at the end of a file is not needed and not read. Format: <https://mcap.dev/spec>.
 
 use crate::RobotError;
 use std::collections::BTreeMap;
@@ -60,7 +60,8 @@ pub fn is_mcap(bytes: &[u8]) -> bool {
 /// Channels of a file with their messages, in the order of their topics.
 ///
 /// # Errors
-/// [`RobotError::Table`] for a file that is no MCAP, is cut off, holds a damaged chunk, or one in an unknown compression.
+/// [`RobotError::Table`] for a file that is no MCAP, is cut off, holds a damaged chunk, or one in
+/// an unknown compression.
 pub fn channels(file: &str, bytes: &[u8]) -> Result<Vec<Channel>, RobotError> {
     let fail = |problem: String| RobotError::Table { file: file.to_owned(), line: None, problem };
     if !is_mcap(bytes) {

@@ -262,8 +262,8 @@ impl Reader<'_, '_> {
         self.children(body, &name, own_class, moved)
     }
 
-    /// Collision geometry of a body; geoms that collide with nothing are drawings. `moved` is the origin of the link's frame in
-    /// the frame of the body.
+    /// Collision geometry of a body; geoms that collide with nothing are drawings. `moved` is the
+    /// origin of the link's frame in the frame of the body.
     fn collision(
         &mut self,
         body: Node<'_, '_>,

@@ -109,8 +109,8 @@ impl RobotModel {
     /// Reads URDF or MJCF. Meshes, sites, sensors and actuators are ignored.
     ///
     /// # Errors
-    /// [`RobotError::Model`] for text that is neither, for joints that logs cannot describe (planar,
-    /// ball, floating inside the tree), and for a link that moves and has no inertia.
+    /// [`RobotError::Model`] for text that is neither, for joints that logs cannot describe
+    /// (planar, ball, floating inside the tree), and for a link that moves and has no inertia.
     pub fn parse(file: &str, text: &str) -> Result<Self, RobotError> {
         let format = Format::of(file, text)?;
         let raw = match format {

@@ -1,8 +1,8 @@
 //! Errors of a fused motion, drawn from the sensors' noise: what a comparison's floor is made of.
 //!
 //! Noise of the gyroscope, the accelerometer and the poses passes through the same smoothers that
-//! made the motion, so that the errors have its spectrum; encoders have white errors of their step. An
-//! error of the clocks' offset moves the base along its way against the joints.
+//! made the motion, so that the errors have its spectrum; encoders have white errors of their step.
+//! An error of the clocks' offset moves the base along its way against the joints.
 
 use crate::fuse::FusionReport;
 use crate::smoother::{Axis, Sample};
@@ -58,7 +58,8 @@ impl SensorErrors {
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let n = motion.n_frames();
         let errors: Vec<Vec<f64>> = (0..6).map(|k| self.path(n, k < 3, &mut normal)).collect();
-        // by how much a wrong offset of the clocks moves the base in each frame: a part of the way to the next
+        // by how much a wrong offset of the clocks moves the base in each frame: a part of the way
+        // to the next
         let late = self.report.clock_offset_sd_s.unwrap_or(0.0) * normal() / self.dt_s;
         let joints = motion.nq.saturating_sub(7);
         let mut q = vec![f64::NAN; motion.q.len()];
@@ -133,7 +134,8 @@ impl SensorErrors {
     }
 }
 
-/// Torques with one draw of white noise, `[joint][frame]`; `sd` is that of each joint. Every recording has noise of its own.
+/// Torques with one draw of white noise, `[joint][frame]`; `sd` is that of each joint. Every
+/// recording has noise of its own.
 pub fn noisy_torques(torques: &[Vec<f64>], sd: &[f64], trial: &str, seed: u64, draw: u64) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(of_recording(trial, !seed));
     rng.set_stream(draw);
@@ -152,8 +154,9 @@ pub fn noisy_torques(torques: &[Vec<f64>], sd: &[f64], trial: &str, seed: u64, d
 /// Variance of the fourth difference of white noise of variance 1.
 const FOURTH_DIFFERENCE: f64 = 70.0;
 
-/// Standard deviation of the white noise in pieces of a signal, from the median size of their fourth differences, to which slow
-/// changes contribute nothing. It is an upper limit where the signal itself changes from sample to sample. None for fewer than 50.
+/// Standard deviation of the white noise in pieces of a signal, from the median size of their
+/// fourth differences, to which slow changes contribute nothing. It is an upper limit where the
+/// signal itself changes from sample to sample. None for fewer than 50.
 pub fn white_sd(pieces: &[Vec<f64>]) -> Option<f64> {
     const FEWEST: usize = 50;
     /// Median of the absolute value of a standard normal variable.

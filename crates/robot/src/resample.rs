@@ -122,8 +122,8 @@ impl Grid {
     }
 }
 
-/// Cubic through four rows at their own times (Lagrange); linear where one is missing or farther away
-/// than `gap`.
+/// Cubic through four rows at their own times (Lagrange); linear where one is missing or farther
+/// away than `gap`.
 fn cubic(times: &[f64], values: &[f64], row: usize, share: f64, gap: f64) -> f64 {
     let linear = values[row] + (values[row + 1] - values[row]) * share;
     let Some(first) = row.checked_sub(1).filter(|_| row + 2 < values.len()) else { return linear };

@@ -1,9 +1,9 @@
 //! ROS messages in an MCAP file to the columns of a robot's log and of its base.
 //!
-//! Read are `sensor_msgs/JointState`, `sensor_msgs/Imu`, and for the base `geometry_msgs/PoseStamped`,
-//! `geometry_msgs/PoseWithCovarianceStamped` or `nav_msgs/Odometry`, in the encoding of ROS 2 (CDR) or of ROS 1.
-//! Times are those in the messages' headers, not those of logging. The log's rows are the joint
-//! states; the inertial unit is interpolated to them.
+//! Read are `sensor_msgs/JointState`, `sensor_msgs/Imu`, and for the base
+//! `geometry_msgs/PoseStamped`, `geometry_msgs/PoseWithCovarianceStamped` or `nav_msgs/Odometry`,
+//! in the encoding of ROS 2 (CDR) or of ROS 1. Times are those in the messages' headers, not those
+//! of logging. The log's rows are the joint states; the inertial unit is interpolated to them.
 
 use crate::mcap::{Channel, channels};
 use crate::{Columns, RobotError};
@@ -34,8 +34,8 @@ const GAP: f64 = 2.5;
 /// Reads a robot's log and, where the file has poses, its base.
 ///
 /// # Errors
-/// [`RobotError::Table`] for a damaged container; [`RobotError::Log`] for a topic that is missing or not
-/// unique, an encoding that is not read, and a message that is shorter than its type.
+/// [`RobotError::Table`] for a damaged container; [`RobotError::Log`] for a topic that is missing
+/// or not unique, an encoding that is not read, and a message that is shorter than its type.
 pub fn read(file: &str, bytes: &[u8], topics: &Topics) -> Result<(Columns, Option<Columns>), RobotError> {
     let found = channels(file, bytes)?;
     let Some(joints) = pick(file, &found, &JOINTS, topics.joints.as_deref(), "joints")? else {
@@ -48,7 +48,8 @@ pub fn read(file: &str, bytes: &[u8], topics: &Topics) -> Result<(Columns, Optio
     let imu = pick(file, &found, &IMU, topics.imu.as_deref(), "imu")?;
     let base = pick(file, &found, &BASE, topics.base.as_deref(), "base")?;
     let joints = joint_states(file, joints)?;
-    // times from the first whole second of the log: a double holds them to a fraction of a nanosecond
+    // times from the first whole second of the log: a double holds them to a fraction of a
+    // nanosecond
     let start = joints.keys().next().map_or(0, |t| t - t % 1_000_000_000);
     let seconds = |t: &i64| (t - start) as f64 * 1e-9;
     let times: Vec<f64> = joints.keys().map(seconds).collect();
@@ -103,7 +104,8 @@ fn listed(channels: &[&Channel]) -> String {
     channels.iter().map(|c| format!("`{}` ({})", c.topic, kind(&c.schema))).collect::<Vec<_>>().join(", ")
 }
 
-/// The channel of one of several types that has messages: the one that is asked for, or the only one.
+/// The channel of one of several types that has messages: the one that is asked for, or the only
+/// one.
 fn pick<'c>(
     file: &str,
     all: &'c [Channel],

@@ -1,4 +1,5 @@
-//! Kalman smoothers of one axis, and regression with their errors: the arithmetic behind [`crate::fuse`].
+//! Kalman smoothers of one axis, and regression with their errors: the arithmetic behind
+//! [`crate::fuse`].
 //!
 //! A state follows a random walk (orientation) or an integrated one (position), driven by inputs
 //! already subtracted; measurements of it are taken at some samples. Constants that the inputs and
@@ -45,7 +46,8 @@ impl Axis {
         Self::new(dt_s, step_variance, false, measured, variance, initial)
     }
 
-    /// An integrated random walk: the rate's derivative has variance `step_variance[i]` in each step.
+    /// An integrated random walk: the rate's derivative has variance `step_variance[i]` in each
+    /// step.
     pub fn drifting(
         dt_s: f64,
         step_variance: Vec<f64>,
@@ -99,7 +101,8 @@ impl Axis {
         axis
     }
 
-    /// Sum of the logarithms of the innovations' variances: with their mean square it makes their likelihood.
+    /// Sum of the logarithms of the innovations' variances: with their mean square it makes their
+    /// likelihood.
     pub fn log_variance(&self) -> f64 {
         self.gains.iter().map(|g| g.1.ln()).sum()
     }
@@ -205,7 +208,8 @@ impl Axis {
     }
 }
 
-/// Constants from the whitened innovations of data and of sensitivities, with Gaussian priors about zero.
+/// Constants from the whitened innovations of data and of sensitivities, with Gaussian priors about
+/// zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constants {
     /// Estimates.
@@ -216,8 +220,8 @@ pub struct Constants {
     pub mean_square: f64,
 }
 
-/// Regresses `data = Σ_j constant_j sensitivity_j + white noise`; `prior_sd` are standard deviations
-/// about zero.
+/// Regresses `data = Σ_j constant_j sensitivity_j + white noise`; `prior_sd` are standard
+/// deviations about zero.
 pub fn constants(data: &[f64], sensitivity: &[Vec<f64>], prior_sd: &[f64]) -> Option<Constants> {
     let n = sensitivity.len();
     let mut normal = DMatrix::from_diagonal(&DVector::from_iterator(n, prior_sd.iter().map(|s| s.powi(-2))));

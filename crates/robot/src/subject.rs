@@ -6,7 +6,8 @@ use aloft_body::{LinkInertia, Model, ModelMarker, PersonFacts, Subject};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// How far the model's inertias may be from the truth: one standard deviation, the same for every link.
+/// How far the model's inertias may be from the truth: one standard deviation, the same for every
+/// link.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PriorSpread {
     /// Masses, as a share.

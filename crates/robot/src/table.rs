@@ -18,8 +18,8 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Reads CSV with a header line, separated by comma, semicolon or tab; gzip is recognised by its
-    /// first bytes. Empty fields and `nan` are missing values.
+    /// Reads CSV with a header line, separated by comma, semicolon or tab; gzip is recognised by
+    /// its first bytes. Empty fields and `nan` are missing values.
     ///
     /// # Errors
     /// [`RobotError::Table`] for a damaged archive, a row with another number of fields, a field

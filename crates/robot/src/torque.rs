@@ -8,11 +8,11 @@
 //!  −∫ (ψ̇ S + ψ Ṡ)ᵀ h dt + Ia ∫ψ̈ q dt − d ∫ψ̇ q dt + c ∫ψ sgn(q̇) dt  =  (1 + κ) ∫ψ τ dt − δ ∫ψ̇ τ dt
 //! ```
 //!
-//! with the torque τ at the motor's side, reflected inertia Ia, viscous friction d, Coulomb friction
-//! c, the error κ of the torque's gain and its delay δ against the encoders (a drive that holds its torque from step to step
-//! has one of half a step). As in the base's weak rows no acceleration is formed.
-//! Rows are linear in φ, Ia, d, c, κ and δ. The same regrouping into base parameters holds as for the
-//! base rows.
+//! with the torque τ at the motor's side, reflected inertia Ia, viscous friction d, Coulomb
+//! friction c, the error κ of the torque's gain and its delay δ against the encoders (a drive that
+//! holds its torque from step to step has one of half a step). As in the base's weak rows no
+//! acceleration is formed. Rows are linear in φ, Ia, d, c, κ and δ. The same regrouping into base
+//! parameters holds as for the base rows.
 //!
 //! Rows are weighted by constants: the torque sensor's noise and a share of the torque's own size.
 //! With gains unknown, weights taken from residuals would shrink every gain to zero.
@@ -30,7 +30,8 @@ use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 /// Names of a joint's unknowns, in the order of their columns.
 pub const UNKNOWNS: [&str; 5] = ["armature", "damping", "friction", "gain_error", "delay"];
 
-/// Share of a joint's torque (root mean square over the stretch) by which a row may be wrong in any case.
+/// Share of a joint's torque (root mean square over the stretch) by which a row may be wrong in any
+/// case.
 const MODEL_SHARE: f64 = 0.01;
 
 /// Rate below which a joint may stick, rad/s (m/s).
@@ -39,7 +40,8 @@ const NEAR_REST: f64 = 2.0 * SURE_OF_SIGN;
 /// Torques of a recording at the frames of its motion.
 #[derive(Debug, Clone, Copy)]
 pub struct Torques<'a> {
-    /// `[joint][frame]`, N·m or N, NaN where missing; joints in the order of [`RobotModel::joints`].
+    /// `[joint][frame]`, N·m or N, NaN where missing; joints in the order of
+    /// [`RobotModel::joints`].
     pub values: &'a [Vec<f64>],
     /// Standard deviation of one sample.
     pub sd_nm: f64,
@@ -48,14 +50,15 @@ pub struct Torques<'a> {
 /// Effects of the model in the rows of torques.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct TorqueEffects<'a> {
-    /// Effects that are a change of the body's inertia: names and base parameters of a unit, none in recordings in which they
-    /// do not act. They are columns of the base rows, too.
+    /// Effects that are a change of the body's inertia: names and base parameters of a unit, none
+    /// in recordings in which they do not act. They are columns of the base rows, too.
     pub carried: &'a [(String, Option<DVector<f64>>)],
     /// Laws of joints.
     pub joints: &'a [EffectInstance<'a>],
 }
 
-/// Factor of one flight from the torques of all joints; columns `[φ_B | carried | joint.armature … | laws | τ]`. Windows are as long as those of weak rows (0.6 of the flight, 0.15 to 0.4 s).
+/// Factor of one flight from the torques of all joints; columns `[φ_B | carried | joint.armature …
+/// | laws | τ]`. Windows are as long as those of weak rows (0.6 of the flight, 0.15 to 0.4 s).
 ///
 /// # Errors
 /// [`RegressorError::TooShort`] if no window fits, [`RegressorError::Numeric`] for numbers that are
@@ -244,7 +247,8 @@ impl TorqueRows {
         ]
     }
 
-    /// Share of each window in which the joint is near rest. There its friction is that of sticking, which no rate determines.
+    /// Share of each window in which the joint is near rest. There its friction is that of
+    /// sticking, which no rate determines.
     pub fn at_rest(&self, j: usize) -> DVector<f64> {
         let v = &self.v[j];
         self.sums(|f, [psi, _, _]| if v[f].abs() < NEAR_REST { psi } else { 0.0 }) / self.area_s()
@@ -291,8 +295,9 @@ impl TorqueRows {
     }
 }
 
-/// How large measured torques are against what a model needs for the same motion: slope and correlation over all rows. A
-/// slope far from 1 is another unit or the opposite sign. None without rows.
+/// How large measured torques are against what a model needs for the same motion: slope and
+/// correlation over all rows. A slope far from 1 is another unit or the opposite sign. None without
+/// rows.
 pub fn size(robot: &RobotModel, base: &BaseParameters, prior: &[Phi], factors: &[Factor]) -> Option<(f64, f64)> {
     let p = base.len();
     // unknowns of effects are zero: a wrong unit shows without them

@@ -145,7 +145,8 @@ fn sensors_give_the_motion_back_and_the_clock_offset_with_an_honest_interval() {
             *sum += z * z / 40.0;
         }
     }
-    // errors of one recording are correlated over a third of a second, so that single recordings scatter
+    // errors of one recording are correlated over a third of a second, so that single recordings
+    // scatter
     let [p, r, o] = sum.map(f64::sqrt);
     assert!((0.8..1.25).contains(&p) && (0.8..1.25).contains(&r) && (0.75..1.3).contains(&o), "{p} {r} {o}");
     assert!((34..=40).contains(&inside), "{inside} of 40 intervals hold the offset");
@@ -153,8 +154,8 @@ fn sensors_give_the_motion_back_and_the_clock_offset_with_an_honest_interval() {
 
 #[test]
 fn accelerations_off_between_samples_widen_the_stated_deviations() {
-    // the acceleration acts up to 0.5 ms before or after it is sampled, as where drives hold their forces from step to step:
-    // an error that is neither white nor a constant delay
+    // the acceleration acts up to 0.5 ms before or after it is sampled, as where drives hold their
+    // forces from step to step: an error that is neither white nor a constant delay
     let mut model = Model::from_spec(&robot().spec).unwrap();
     model.gravity_mps2 = Vector3::zeros();
     let (mut sum, dt, fine) = (0.0, 0.002, 8);

@@ -1,4 +1,5 @@
-//! Logs in MCAP as other programs write them (tests/peers/robot_mcap.py), and what is said about damaged ones.
+//! Logs in MCAP as other programs write them (tests/peers/robot_mcap.py), and what is said about
+//! damaged ones.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "tests fail by panicking")]
 

@@ -171,7 +171,8 @@ fn validate_base_parameters_of_random_trees_against_pinocchio() {
     }
 }
 
-/// Collision geometry of the two formats gives the same spheres, on links and on what is fixed to them; drawings and meshes none.
+/// Collision geometry of the two formats gives the same spheres, on links and on what is fixed to
+/// them; drawings and meshes none.
 #[test]
 fn collision_geometry_of_both_formats_is_the_same() {
     let urdf = URDF

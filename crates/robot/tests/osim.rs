@@ -23,7 +23,8 @@ fn frame(name: &str, parent: &str, translation: &str, orientation: &str) -> Stri
     )
 }
 
-/// A base that moves freely, a slider with a coupled turn on it, and a hinge whose frames are turned.
+/// A base that moves freely, a slider with a coupled turn on it, and a hinge whose frames are
+/// turned.
 fn model(extra: &str) -> String {
     let axis = |name: &str, coordinate: &str, direction: &str, function: &str| {
         format!(

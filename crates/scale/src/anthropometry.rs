@@ -1,4 +1,5 @@
-//! Anthropometric tables as data: `configs/anthropometry/*.yaml`, read by `pipeline`, used by [`crate::prior`].
+//! Anthropometric tables as data: `configs/anthropometry/*.yaml`, read by `pipeline`, used by
+//! [`crate::prior`].
 //!
 //! A table holds the segments of a body, for one or both sexes: the link that carries each, the
 //! anatomical points that define its length, and mass, centre of mass and radii of gyration as
@@ -88,8 +89,9 @@ pub enum LengthFrom {
 
 /// One segment.
 ///
-/// Anatomical points: `vertex cervicale neck lumbar mid_hip suprasternale xiphoid` and, by side, `shoulder elbow wrist
-/// hand_distal hip knee ankle heel toe_tip toe`; and the table's derived points.
+/// Anatomical points: `vertex cervicale neck lumbar mid_hip suprasternale xiphoid` and, by side,
+/// `shoulder elbow wrist hand_distal hip knee ankle heel toe_tip toe`; and the table's derived
+/// points.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TableSegment {
@@ -103,14 +105,16 @@ pub struct TableSegment {
     pub to: String,
     /// Axes.
     pub axes: SegmentAxes,
-    /// Length of the reference body, m (or a fraction of stature: [`TableBody::reference_height_m`]).
+    /// Length of the reference body, m (or a fraction of stature:
+    /// [`TableBody::reference_height_m`]).
     pub reference_length_m: f64,
     /// Source of the length.
     #[serde(default)]
     pub length: LengthFrom,
     /// Fraction of body mass.
     pub mass: f64,
-    /// Centre of mass from `from` in segment axes, fractions of length (right side; the left mirrors z).
+    /// Centre of mass from `from` in segment axes, fractions of length (right side; the left
+    /// mirrors z).
     pub com: [f64; 3],
     /// `[rxx, ryy, rzz, rxy, rxz, ryz]` about the centre of mass, fractions of length:
     /// `I_ij = ± m (r_ij L)²`, with the sign of the entry (a published "i" is a minus). Right side;

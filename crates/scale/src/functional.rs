@@ -1,7 +1,9 @@
 //! Functional calibration: joint centres and axes from the relative motion of two rigid segments.
 //!
-//! * [`score`]: symmetrical centre of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 39 (2006) 2798.
-//! * [`sara`]: symmetrical axis of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 40 (2007) 2150.
+//! * [`score`]: symmetrical centre of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 39 (2006)
+//!   2798.
+//! * [`sara`]: symmetrical axis of rotation, Ehrig, Taylor, Duda, Heller, *J Biomech* 40 (2007)
+//!   2150.
 //!
 //! The input poses ([`aloft_body::rigid::fit_pose_of_seen`]) must be of the same frames. For
 //! objects the result is refined afterwards ([`crate::scale_object`]).
@@ -19,7 +21,8 @@ pub struct FunctionalCenter {
     pub in_child: Vector3<f64>,
     /// Root mean square distance of the two world points over the frames, m.
     pub residual_rms_m: f64,
-    /// Smallest over largest singular value of the system; below about 0.05 the motion is nearly about one axis.
+    /// Smallest over largest singular value of the system; below about 0.05 the motion is nearly
+    /// about one axis.
     pub conditioning: f64,
 }
 
@@ -31,7 +34,8 @@ pub struct FunctionalAxis {
     pub point_in_parent: Vector3<f64>,
     /// Direction in the parent's frame, unit.
     pub direction_in_parent: Vector3<f64>,
-    /// Point of the axis in the child's frame, m (not the same material point as `point_in_parent`).
+    /// Point of the axis in the child's frame, m (not the same material point as
+    /// `point_in_parent`).
     pub point_in_child: Vector3<f64>,
     /// Direction in the child's frame, unit, same sense.
     pub direction_in_child: Vector3<f64>,
@@ -132,7 +136,8 @@ pub fn score(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<Func
     })
 }
 
-/// Axis of rotation between two segments (SARA). The sign of the direction is arbitrary, but the same in both segments.
+/// Axis of rotation between two segments (SARA). The sign of the direction is arbitrary, but the
+/// same in both segments.
 ///
 /// # Errors
 /// [`ScaleError::Functional`] with fewer than three frames or if the segments do not rotate

@@ -1,6 +1,7 @@
 //! The pelvis from its markers, and the hip joint centre by published regressions.
 //!
-//! Pelvis axes: origin midway between the ASIS, z to the right along them, x forward in the plane of ASIS and PSIS, y up.
+//! Pelvis axes: origin midway between the ASIS, z to the right along them, x forward in the plane
+//! of ASIS and PSIS, y up.
 
 use crate::ScaleError;
 use crate::geometry::{axes_z_x, axes_z_y, reject, unit};
@@ -13,16 +14,18 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HipMethod {
-    /// Harrington, Zavatsky, Lawson, Yuan, Theologis, *J Biomech* 40 (2007) 595: pelvis depth, width and leg length; its
-    /// own single-predictor form (width) where no leg length is known. Leave-one-out error 5.2, 3.6, 3.2 mm.
+    /// Harrington, Zavatsky, Lawson, Yuan, Theologis, *J Biomech* 40 (2007) 595: pelvis depth,
+    /// width and leg length; its own single-predictor form (width) where no leg length is known.
+    /// Leave-one-out error 5.2, 3.6, 3.2 mm.
     #[default]
     Harrington,
     /// Bell, Pedersen, Brand, *J Biomech* 23 (1990) 617: pelvis width. Published error 19 mm.
     Bell,
-    /// Hara, McGinley, Briggs, Baker, Sangeux, *Sci Rep* 6 (2016) 37707: leg length. Leave-one-out error 5.2, 4.4, 3.8 mm.
+    /// Hara, McGinley, Briggs, Baker, Sangeux, *Sci Rep* 6 (2016) 37707: leg length. Leave-one-out
+    /// error 5.2, 4.4, 3.8 mm.
     Hara,
-    /// Davis, Õunpuu, Tyburski, Gage, *Hum Mov Sci* 10 (1991) 575: leg length and width; the ASIS-trochanter distance by the
-    /// usual regression 0.1288 LL − 48.56 mm.
+    /// Davis, Õunpuu, Tyburski, Gage, *Hum Mov Sci* 10 (1991) 575: leg length and width; the
+    /// ASIS-trochanter distance by the usual regression 0.1288 LL − 48.56 mm.
     Davis,
 }
 
@@ -41,10 +44,12 @@ impl PelvisMarkers {
     /// From ASIS and PSIS; the sacrum replaces the middle of the PSIS, and a single PSIS is
     /// mirrored.
     ///
-    /// Where neither ASIS is marked, the pelvis follows from given hip centres and a point above it.
+    /// Where neither ASIS is marked, the pelvis follows from given hip centres and a point above
+    /// it.
     ///
     /// # Errors
-    /// [`ScaleError::MissingLandmarks`] without both ASIS and anything behind them; [`ScaleError::Degenerate`] when they lie on a line.
+    /// [`ScaleError::MissingLandmarks`] without both ASIS and anything behind them;
+    /// [`ScaleError::Degenerate`] when they lie on a line.
     pub(crate) fn from_landmarks(landmarks: &Landmarks, trial: &str) -> Result<Self, ScaleError> {
         let marked = |side| landmarks.side("asis", side).is_some();
         if !marked(Side::Right)
@@ -84,9 +89,9 @@ impl PelvisMarkers {
     }
 
     /// From given hip centres, which markerless software states, and a point above them: of the
-    /// pelvis itself, or the neck or the shoulders of a person who stands, or else the vertical. Width and place of the ASIS
-    /// are those for which Harrington's regression gives these hip centres; their plane is tilted
-    /// forwards against the vertical of the pelvis as in standing.
+    /// pelvis itself, or the neck or the shoulders of a person who stands, or else the vertical.
+    /// Width and place of the ASIS are those for which Harrington's regression gives these hip
+    /// centres; their plane is tilted forwards against the vertical of the pelvis as in standing.
     fn from_hip_centers(landmarks: &Landmarks) -> Option<Self> {
         let (right, left) = (landmarks.side("hip_center", Side::Right)?, landmarks.side("hip_center", Side::Left)?);
         let middle = (right + left) / 2.0;
@@ -116,7 +121,8 @@ const DEPTH_OF_WIDTH: f64 = 0.6;
 /// Smallest width that a pelvis can have, m.
 const LEAST_WIDTH_M: f64 = 0.08;
 
-/// Hip joint centre in pelvis axes, m. `leg_length_m` runs from the ASIS to the medial malleolus; `marker_radius_m` enters Davis only.
+/// Hip joint centre in pelvis axes, m. `leg_length_m` runs from the ASIS to the medial malleolus;
+/// `marker_radius_m` enters Davis only.
 ///
 /// Returns `None` for [`HipMethod::Hara`] and [`HipMethod::Davis`] without a leg length.
 pub fn hip_center(
@@ -157,8 +163,8 @@ pub fn hip_center(
     Some(Vector3::new(right.x, right.y, side.sign() * right.z))
 }
 
-/// Lumbar joint (L5/S1) in pelvis axes, m: fractions of pelvis width after Reed 1999 in the ASIS-PSIS frame, as given by
-/// Dumas and Wojtusch 2018; the mean of both for an unknown sex.
+/// Lumbar joint (L5/S1) in pelvis axes, m: fractions of pelvis width after Reed 1999 in the
+/// ASIS-PSIS frame, as given by Dumas and Wojtusch 2018; the mean of both for an unknown sex.
 pub(crate) fn lumbar_center(pelvis: &PelvisMarkers, sex: Option<Sex>) -> Vector3<f64> {
     let female = Vector3::new(-0.340, 0.049, 0.0);
     let male = Vector3::new(-0.335, -0.032, 0.0);

@@ -13,7 +13,8 @@
 //!   [`functional`] calibration (SCoRE, SARA) for a first guess, then all marker coordinates,
 //!   joints and poses of thousands of frames in one least-squares problem.
 //!
-//! Link axes follow the ISB (x forward, y up, z right, origin at the proximal joint); the world is Z up; lengths are metres.
+//! Link axes follow the ISB (x forward, y up, z right, origin at the proximal joint); the world is
+//! Z up; lengths are metres.
 
 pub mod anthropometry;
 mod bundle;

@@ -75,10 +75,12 @@ pub enum ObjectFrame {
         origin: Option<String>,
         /// y points from the first marker to the second.
         y_axis: [String; 2],
-        /// z is perpendicular to y, on the side of this marker: it lies in the +z half of the y-z plane.
+        /// z is perpendicular to y, on the side of this marker: it lies in the +z half of the y-z
+        /// plane.
         z_side: String,
     },
-    /// On a hinge: z along it, origin at the point of the axis nearest to the parent's origin, and a marker in the x-z plane.
+    /// On a hinge: z along it, origin at the point of the axis nearest to the parent's origin, and
+    /// a marker in the x-z plane.
     Hinge {
         /// Marker in the x-z plane.
         x_plane: String,

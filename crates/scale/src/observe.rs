@@ -59,8 +59,8 @@ pub(crate) fn unobserved(subject: &Subject) -> Result<Vec<usize>, ScaleError> {
             held[(k, k)] += 1e9;
         }
         let Some(covariance) = held.cholesky().map(|c| c.inverse()) else { break };
-        // the body as a whole is never held: where the trunk of a body bends unseen, it is the joint
-        // that is held, not the pelvis in the world
+        // the body as a whole is never held: where the trunk of a body bends unseen, it is the
+        // joint that is held, not the pelvis in the world
         let root = model.links.first().map_or(0, |l| l.joint.v_offset + l.joint.kind.nv());
         let worst = (root..nv)
             .filter(|k| !locked.contains(k))

@@ -20,7 +20,8 @@ use std::collections::BTreeMap;
 pub struct StaticAnatomy {
     /// Landmarks in the world of the static, m.
     pub landmarks: Landmarks,
-    /// Axes of each link's segment in the world of the static (ISB: x forward, y proximal, z right), in model order.
+    /// Axes of each link's segment in the world of the static (ISB: x forward, y proximal, z
+    /// right), in model order.
     pub isb_axes: Vec<UnitQuaternion<f64>>,
     /// Stature, m.
     pub height_m: f64,
@@ -40,8 +41,9 @@ pub struct CarriedSegment {
     pub isb_axes: UnitQuaternion<f64>,
 }
 
-/// Height of the sole under the ankle joint and depth of the foot's long axis under it, fractions of stature
-/// (ankle height: Winter, figure 4.1; that the axis lies at 0.6 of it is an assumption of this project).
+/// Height of the sole under the ankle joint and depth of the foot's long axis under it, fractions
+/// of stature (ankle height: Winter, figure 4.1; that the axis lies at 0.6 of it is an assumption
+/// of this project).
 const FOOT_AXIS_UNDER_ANKLE: f64 = 0.6 * 0.039;
 
 /// Points that marker sets rarely mark, so that estimating them from stature causes no warning.
@@ -265,14 +267,16 @@ pub(crate) fn make_consistent(inertia: &mut LinkInertia, floor: f64) -> Option<f
     Some(smallest)
 }
 
-/// Computes the prior inertia of every link from a table and the subject's present geometry: joint centres by forward kinematics
-/// at `subject.static_q`, landmarks and segment axes from the static. Replaces `prior` and `prior_sd`; the masses add up to
-/// `facts.mass_kg`, and every link is physically consistent.
+/// Computes the prior inertia of every link from a table and the subject's present geometry: joint
+/// centres by forward kinematics at `subject.static_q`, landmarks and segment axes from the static.
+/// Replaces `prior` and `prior_sd`; the masses add up to `facts.mass_kg`, and every link is
+/// physically consistent.
 ///
 /// Call it again after a calibration has changed joint places, link frames or `static_q`.
 ///
 /// # Errors
-/// [`ScaleError::Facts`] for a mass that is not positive; [`ScaleError::Table`] for a table that does not fit the model.
+/// [`ScaleError::Facts`] for a mass that is not positive; [`ScaleError::Table`] for a table that
+/// does not fit the model.
 pub fn attach_prior(
     subject: &mut Subject,
     tables: &Anthropometry,

@@ -57,7 +57,8 @@ pub struct MarkerReport {
 /// A segment on both sides.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SegmentLength {
-    /// Segment: `upper_arm`, `forearm`, `thigh`, `shank`, `foot` …, or central: `pelvis_width`, `hip_width`, `trunk`.
+    /// Segment: `upper_arm`, `forearm`, `thigh`, `shank`, `foot` …, or central: `pelvis_width`,
+    /// `hip_width`, `trunk`.
     pub segment: String,
     /// Length on the right, or of a central segment, m; `None` if its ends are not marked.
     pub right_m: Option<f64>,

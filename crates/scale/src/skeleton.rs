@@ -171,8 +171,8 @@ impl Builder<'_> {
         self.landmarks.side(name, side).map(|point| Center { point, method: JointMethod::Given, sd_m })
     }
 
-    /// Direction to the right along the line through a lateral and a medial landmark, or through the
-    /// centre and one of them.
+    /// Direction to the right along the line through a lateral and a medial landmark, or through
+    /// the centre and one of them.
     fn across_joint(&self, lateral: &str, medial: &str, center: &Vector3<f64>, side: Side) -> Option<Vector3<f64>> {
         let l = self.landmarks;
         let outwards = match (l.side(lateral, side), l.side(medial, side)) {
@@ -311,7 +311,8 @@ impl Builder<'_> {
         let pair = |name: &str| Some((l.side(name, Side::Right)?, l.side(name, Side::Left)?));
         let shoulders = pair("acromion").or_else(|| pair("shoulder_center"));
         let across = shoulders.map_or(right, |(r, l)| r - l);
-        // Neck (C7/T1): from C7 towards the suprasternale, turned up (Reed 1999 via Dumas and Wojtusch 2018).
+        // Neck (C7/T1): from C7 towards the suprasternale, turned up (Reed 1999 via Dumas and
+        // Wojtusch 2018).
         let (turn_up_deg, fraction) = match self.sex {
             Some(Sex::Female) => (14.0, 0.53),
             Some(Sex::Male) => (8.0, 0.55),
@@ -385,7 +386,8 @@ impl Builder<'_> {
             let point = neck + lateral - y_of(torso) * (0.03 * height_m);
             return Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION };
         };
-        // Reed 1999: from the acromion along C7 → suprasternale turned down by 67°, 0.42 of their distance.
+        // Reed 1999: from the acromion along C7 → suprasternale turned down by 67°, 0.42 of their
+        // distance.
         let (direction, depth, sd_m) = match (l.get("c7"), l.get("suprasternale")) {
             (Some(c), Some(f)) => (turn_down(&(f - c), &z_of(torso), 67.0), (f - c).norm(), sd::SHOULDER),
             _ => (None, proportion::THORAX_DEPTH * height_m, 1.5 * sd::SHOULDER),

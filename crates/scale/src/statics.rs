@@ -14,7 +14,8 @@ use std::ops::Range;
 pub struct QuietOptions {
     /// Length of the window that must be the quietest of the trial, s.
     pub window_s: f64,
-    /// Frames whose markers stay, root mean square, within this distance of that window's medians are used as well, m.
+    /// Frames whose markers stay, root mean square, within this distance of that window's medians
+    /// are used as well, m.
     pub radius_m: f64,
 }
 
@@ -29,7 +30,8 @@ impl Default for QuietOptions {
 pub struct StaticPose {
     /// Frames used, 0-based.
     pub frames: Vec<usize>,
-    /// Median position of each marker of the trial over these frames, m, world; `None` where it was never seen.
+    /// Median position of each marker of the trial over these frames, m, world; `None` where it was
+    /// never seen.
     pub positions: Vec<Option<Vector3<f64>>>,
     /// Root mean square distance of each marker from its median, m; NaN where it was never seen.
     pub spread_m: Vec<f64>,

@@ -14,7 +14,8 @@ fn config<T: serde::de::DeserializeOwned>(path: &str) -> T {
     serde_yaml::from_str(&std::fs::read_to_string(root.join(path)).unwrap()).unwrap()
 }
 
-/// Right-side and central markers of a person of 1.70 m who faces +x, knees bent by 10°, elbows by 20°; the left is the mirror.
+/// Right-side and central markers of a person of 1.70 m who faces +x, knees bent by 10°, elbows by
+/// 20°; the left is the mirror.
 fn right_side() -> Vec<(&'static str, [f64; 3])> {
     vec![
         ("RFHD", [0.09, -0.06, 1.60]),

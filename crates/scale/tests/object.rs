@@ -201,7 +201,8 @@ links:
         },
         ..Trial::default()
     };
-    // The ball's rest rotation: zero when the tip's axes, as its markers define them, are the arm's.
+    // The ball's rest rotation: zero when the tip's axes, as its markers define them, are the
+    // arm's.
     let rest = Vector3::new(0.1, -0.2, 0.3);
     let still = record("still", vec![frame(0.4, 0.0, rest); 50]);
     let motion = record(

@@ -1,7 +1,8 @@
 //! Zero-phase filter, order 3: 105 channels × 100,000 samples, and the scalar version on one
 //! channel.
 //!
-//! `cargo bench -p aloft-signal --bench filtfilt`; the peer on the same input is `tests/peers/bench_filtfilt.py`.
+//! `cargo bench -p aloft-signal --bench filtfilt`; the peer on the same input is
+//! `tests/peers/bench_filtfilt.py`.
 #![allow(missing_docs)]
 
 use aloft_signal::{Butterworth, CutoffCorrection, LowPass};

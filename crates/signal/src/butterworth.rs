@@ -54,10 +54,12 @@ pub struct FilterFacts {
 }
 
 impl LowPass {
-    /// Checks the specification at one sampling rate and states effective order, design cut-off and true −3 dB frequency.
+    /// Checks the specification at one sampling rate and states effective order, design cut-off and
+    /// true −3 dB frequency.
     ///
-    /// One pass of order n has the gain `(1 + (W/Wc)^{2n})^{-1/2}` at `W = tan(π f / rate)` (bilinear, pre-warped), so both passes
-    /// together fall to −3 dB at `W = C Wc` with `C = (√2 − 1)^{1/(2n)}`. Winter's correction designs at `Wc / C` instead.
+    /// One pass of order n has the gain `(1 + (W/Wc)^{2n})^{-1/2}` at `W = tan(π f / rate)`
+    /// (bilinear, pre-warped), so both passes together fall to −3 dB at `W = C Wc` with `C = (√2 −
+    /// 1)^{1/(2n)}`. Winter's correction designs at `Wc / C` instead.
     pub fn describe(&self, rate_hz: f64) -> Result<FilterFacts, DesignError> {
         let w_design = self.design_tangent(rate_hz)?;
         let frequency = |w: f64| rate_hz / PI * w.atan();
@@ -75,7 +77,8 @@ impl LowPass {
         Ok(1.0 / (1.0 + (w / w_design).powi(2 * self.order as i32)))
     }
 
-    /// `C = (√2 − 1)^{1/(2n)}`: where two passes are −3 dB, as a fraction of the single pass's pre-warped cut-off.
+    /// `C = (√2 − 1)^{1/(2n)}`: where two passes are −3 dB, as a fraction of the single pass's
+    /// pre-warped cut-off.
     fn two_pass_ratio(&self) -> f64 {
         (std::f64::consts::SQRT_2 - 1.0).powf(0.5 / self.order as f64)
     }
@@ -97,8 +100,8 @@ impl LowPass {
     }
 }
 
-/// One section of the cascade in transposed direct form II, gain 1 at zero frequency:
-/// `y = b0 x + z0;  z0 ← b1 x − a1 y + z1;  z1 ← b2 x − a2 y`. A first-order section has `b2 = a2 = 0`.
+/// One section of the cascade in transposed direct form II, gain 1 at zero frequency: `y = b0 x +
+/// z0; z0 ← b1 x − a1 y + z1; z1 ← b2 x − a2 y`. A first-order section has `b2 = a2 = 0`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Section {
     /// Numerator b0, b1, b2.
@@ -172,8 +175,9 @@ impl Butterworth {
         3 * (self.order + 1)
     }
 
-    /// Filters forward and backward in place with scipy's `filtfilt` default padding (odd, 3·(order + 1) samples); runs without NaN
-    /// are filtered separately; runs not longer than the padding become NaN.
+    /// Filters forward and backward in place with scipy's `filtfilt` default padding (odd, 3·(order
+    /// + 1) samples); runs without NaN are filtered separately; runs not longer than the padding
+    /// become NaN.
     ///
     /// Returns the number of samples lost in this way. This is the scalar version;
     /// [`Butterworth::filtfilt_interleaved`] and [`Butterworth::filtfilt_channels`] give the same

@@ -8,7 +8,8 @@ use crate::runs::finite_runs;
 /// of fourth order.
 pub const SHORTEST_RUN: usize = 6;
 
-// Weights on consecutive samples; row i is the derivative at sample i of the stencil. From the Lagrange interpolant through the samples.
+// Weights on consecutive samples; row i is the derivative at sample i of the stencil. From the
+// Lagrange interpolant through the samples.
 const FIRST: [[f64; 5]; 3] = [
     [-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -0.25],
     [-0.25, -5.0 / 6.0, 1.5, -0.5, 1.0 / 12.0],
@@ -20,10 +21,11 @@ const SECOND: [[f64; 6]; 3] = [
     [-1.0 / 12.0, 4.0 / 3.0, -2.5, 4.0 / 3.0, -1.0 / 12.0, 0.0],
 ];
 
-/// First and second derivative by fourth-order central differences (one-sided of the same order at the ends of every NaN-free run).
+/// First and second derivative by fourth-order central differences (one-sided of the same order at
+/// the ends of every NaN-free run).
 ///
-/// Both have the length of `signal`, in units per second and per second squared; missing samples, and runs shorter than
-/// [`SHORTEST_RUN`], give NaN.
+/// Both have the length of `signal`, in units per second and per second squared; missing samples,
+/// and runs shorter than [`SHORTEST_RUN`], give NaN.
 pub fn derivatives(signal: &[f64], rate_hz: f64) -> (Vec<f64>, Vec<f64>) {
     let mut first = vec![f64::NAN; signal.len()];
     let mut second = vec![f64::NAN; signal.len()];

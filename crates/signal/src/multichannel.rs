@@ -20,9 +20,9 @@ const MAX_PADDING: usize = 3 * (MAX_ORDER + 1);
 type Frame = [f64; LANES];
 
 impl Butterworth {
-    /// [`Butterworth::filtfilt`] of every channel of frame-major data, `data[frame * channels + channel]`, in place.
-    /// Trailing values that do not fill a frame are unchanged. Returns the number of samples lost
-    /// in runs that are too short.
+    /// [`Butterworth::filtfilt`] of every channel of frame-major data, `data[frame * channels +
+    /// channel]`, in place. Trailing values that do not fill a frame are unchanged. Returns the
+    /// number of samples lost in runs that are too short.
     pub fn filtfilt_interleaved(&self, data: &mut [f64], channels: usize) -> usize {
         if channels == 0 {
             return 0;
@@ -58,9 +58,9 @@ impl Butterworth {
         lost
     }
 
-    /// [`Butterworth::filtfilt`] of every channel of channel-major data, `data[channel * samples + sample]`, in place.
-    /// Trailing values that do not fill a channel are unchanged. Returns the number of samples lost
-    /// in runs that are too short.
+    /// [`Butterworth::filtfilt`] of every channel of channel-major data, `data[channel * samples +
+    /// sample]`, in place. Trailing values that do not fill a channel are unchanged. Returns the
+    /// number of samples lost in runs that are too short.
     pub fn filtfilt_channels(&self, data: &mut [f64], samples: usize) -> usize {
         if samples == 0 {
             return 0;
@@ -88,7 +88,8 @@ impl Butterworth {
         0
     }
 
-    /// Up to [`LANES`] channels, one after the other; `false`, with nothing changed, when a sample is missing.
+    /// Up to [`LANES`] channels, one after the other; `false`, with nothing changed, when a sample
+    /// is missing.
     fn channel_group(&self, data: &mut [f64], samples: usize, lanes: &mut Vec<Frame>) -> bool {
         lanes.resize(samples.next_multiple_of(BLOCK), [0.0; LANES]);
         dispatch(self, ChannelMajor { data, samples, lanes, pad: self.padding() })

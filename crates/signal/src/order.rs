@@ -1,7 +1,8 @@
 //! Medians, quantiles, means and deviations of plain samples.
 //!
-//! Two medians are in use, and they differ for an even number of values: [`median`] is the mean of the two middle values,
-//! [`upper_median`] the upper one of them, which is always a value of the sample.
+//! Two medians are in use, and they differ for an even number of values: [`median`] is the mean of
+//! the two middle values, [`upper_median`] the upper one of them, which is always a value of the
+//! sample.
 
 /// Median of finite values: the mean of the two middle ones if their number is even; NaN without
 /// values. Reorders the slice.

@@ -35,8 +35,9 @@ pub fn default_cutoffs(rate_hz: f64) -> Vec<f64> {
     (2..).map(|i| 0.5 * f64::from(i)).take_while(|f| *f <= top).collect()
 }
 
-/// Residuals of channels in one unit (for example the three axes of a marker), each a slice of samples with NaN where missing.
-/// `shape` gives order and correction; its cut-off is replaced by each of `cutoffs_hz`, which must ascend.
+/// Residuals of channels in one unit (for example the three axes of a marker), each a slice of
+/// samples with NaN where missing. `shape` gives order and correction; its cut-off is replaced by
+/// each of `cutoffs_hz`, which must ascend.
 ///
 /// # Errors
 /// An order or cut-off that is not valid at this rate.

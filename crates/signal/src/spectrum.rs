@@ -15,8 +15,9 @@ pub struct Spectrum {
     pub segments: usize,
 }
 
-/// Welch's averaged periodogram: segments of `segment` samples (at least 2), half overlapping, mean removed, Hann window, within the
-/// runs of a signal without missing samples. The numbers are those of `scipy.signal.welch` with its defaults.
+/// Welch's averaged periodogram: segments of `segment` samples (at least 2), half overlapping, mean
+/// removed, Hann window, within the runs of a signal without missing samples. The numbers are those
+/// of `scipy.signal.welch` with its defaults.
 pub fn welch(signal: &[f64], rate_hz: f64, segment: usize) -> Spectrum {
     let n = segment.max(2);
     let bins = n / 2 + 1;

@@ -13,7 +13,8 @@ pub fn t9995(freedom: f64) -> f64 {
 /// The point q with `P(|t| > q) = outside`. Degrees of freedom need not be an integer; values below
 /// one count as one. `normal` is the point for infinitely many, `most` above that for one.
 ///
-/// Solves `I_x(ν/2, 1/2) = outside`, `x = ν / (ν + q²)`, by bisection (Abramowitz and Stegun 26.7.1).
+/// Solves `I_x(ν/2, 1/2) = outside`, `x = ν / (ν + q²)`, by bisection (Abramowitz and Stegun
+/// 26.7.1).
 fn two_sided(freedom: f64, outside: f64, normal: f64, most: f64) -> f64 {
     if freedom.is_nan() {
         return f64::INFINITY;
@@ -30,7 +31,8 @@ fn two_sided(freedom: f64, outside: f64, normal: f64, most: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Regularised incomplete beta function I_x(a, b) by its continued fraction (Lentz's method; Press et al., Numerical Recipes, 6.4).
+/// Regularised incomplete beta function I_x(a, b) by its continued fraction (Lentz's method; Press
+/// et al., Numerical Recipes, 6.4).
 fn incomplete_beta(a: f64, b: f64, x: f64) -> f64 {
     if x <= 0.0 || x >= 1.0 {
         return x.clamp(0.0, 1.0);
@@ -61,7 +63,8 @@ fn incomplete_beta(a: f64, b: f64, x: f64) -> f64 {
     front * fraction
 }
 
-/// Logarithm of the gamma function for positive numbers: Stirling's series after shifting the argument beyond ten.
+/// Logarithm of the gamma function for positive numbers: Stirling's series after shifting the
+/// argument beyond ten.
 fn ln_gamma(x: f64) -> f64 {
     let (mut x, mut shift) = (x, 0.0);
     while x < 10.0 {

@@ -1,4 +1,5 @@
-//! Simulates a scenario file into a folder: `cargo run --release -p aloft-simulate --example write_lab -- SCENARIO.yaml OUT`.
+//! Simulates a scenario file into a folder: `cargo run --release -p aloft-simulate --example
+//! write_lab -- SCENARIO.yaml OUT`.
 #![allow(clippy::print_stdout, reason = "an example talks to the terminal")]
 
 use aloft_simulate::{Scenario, simulate};

@@ -40,7 +40,8 @@ pub enum SimulateError {
         #[doc(hidden)]
         n_plates: usize,
     },
-    /// No motion was found that this body can make: the legs do not reach, or the landing was never met.
+    /// No motion was found that this body can make: the legs do not reach, or the landing was never
+    /// met.
     #[error("scenario `{scenario}`, trial `{trial}`: no feasible motion after {attempts} attempts ({problem})")]
     Infeasible {
         #[doc(hidden)]
@@ -66,7 +67,8 @@ pub enum SimulateError {
         #[doc(hidden)]
         problem: String,
     },
-    /// A formula of a hidden law that has no value where the body went: a root of a negative number, a division by zero.
+    /// A formula of a hidden law that has no value where the body went: a root of a negative
+    /// number, a division by zero.
     #[error("{place} `{formula}` is {found} at t = {time_s:.4} s, place {at_m:.3?} m; expected a finite number")]
     Undefined {
         #[doc(hidden)]
@@ -80,7 +82,8 @@ pub enum SimulateError {
         #[doc(hidden)]
         at_m: [f64; 3],
     },
-    /// The equations of motion could not be solved (a link without inertia, or a step far too long).
+    /// The equations of motion could not be solved (a link without inertia, or a step far too
+    /// long).
     #[error("the motion of `{model}` diverged at t = {time_s:.4} s; expected finite accelerations, found none")]
     Diverged {
         #[doc(hidden)]

@@ -58,19 +58,21 @@ fn plate_coefficient() -> f64 {
     1.2
 }
 
-/// One hidden effect. Points are in the named link's frame (m), world vectors in the capture frame (Z up).
+/// One hidden effect. Points are in the named link's frame (m), world vectors in the capture frame
+/// (Z up).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "effect", rename_all = "snake_case", deny_unknown_fields)]
 #[allow(missing_docs, reason = "fields of the variants are documented on the variant")]
 pub enum Hidden {
-    /// Air resistance `−½ ρ C_dA_i |u| u` at each link's centre of mass, `u` relative to still air; `drag_area_m2` (Σ C_dA)
-    /// is spread over the links by their size.
+    /// Air resistance `−½ ρ C_dA_i |u| u` at each link's centre of mass, `u` relative to still air;
+    /// `drag_area_m2` (Σ C_dA) is spread over the links by their size.
     QuadraticDrag {
         drag_area_m2: f64,
         #[serde(default = "air")]
         air_density_kgpm3: f64,
     },
-    /// `−c_i u` at each link's centre of mass; `coefficient_nspm` (Σ c, N·s/m) spread over the links by their size.
+    /// `−c_i u` at each link's centre of mass; `coefficient_nspm` (Σ c, N·s/m) spread over the
+    /// links by their size.
     LinearDrag { coefficient_nspm: f64 },
     /// `−c ω_i` on each link, N·m·s/rad.
     RotationalDrag { coefficient_nmsprad: f64 },
@@ -97,7 +99,8 @@ pub enum Hidden {
     TimeBase { true_rate_hz: f64 },
     /// Every length in the files is too long by `factor` (the wand was shorter than assumed).
     LengthScale { factor: f64 },
-    /// An elastic line from a point of a link to an anchor: `k (d − l₀) + c ḋ` towards the anchor, and nothing when slack.
+    /// An elastic line from a point of a link to an anchor: `k (d − l₀) + c ḋ` towards the anchor,
+    /// and nothing when slack.
     Tether {
         link: String,
         #[serde(default = "origin")]
@@ -108,7 +111,8 @@ pub enum Hidden {
         #[serde(default)]
         damping_nspm: f64,
     },
-    /// A line of constant tension from a point of a link over a pulley at `pulley_m` (body-weight support).
+    /// A line of constant tension from a point of a link over a pulley at `pulley_m` (body-weight
+    /// support).
     Crane {
         link: String,
         #[serde(default = "origin")]
@@ -118,7 +122,8 @@ pub enum Hidden {
     },
     /// A wheel in a link with constant spin momentum (link axes, N·m·s).
     Flywheel { link: String, momentum_nms: [f64; 3] },
-    /// A wheel whose spin changes: momentum along `axis` is `mean_nms + swing_nms · sin(2π frequency_hz t)`.
+    /// A wheel whose spin changes: momentum along `axis` is `mean_nms + swing_nms · sin(2π
+    /// frequency_hz t)`.
     Rotor { link: String, axis: [f64; 3], mean_nms: f64, swing_nms: f64, frequency_hz: f64 },
     /// Payload carried on a link in some trials only (`trials`: names or prefixes; all when empty).
     Payload {
@@ -151,8 +156,9 @@ pub enum Hidden {
         #[serde(default)]
         on_s: f64,
     },
-    /// Flat plates on links in moving air: `−½ ρ C A |u·n| (u·n) n` at the middle of each plate, `u` relative to the air
-    /// (velocity `wind_mps`), no friction along the plate; `C` is `normal_coefficient`.
+    /// Flat plates on links in moving air: `−½ ρ C A |u·n| (u·n) n` at the middle of each plate,
+    /// `u` relative to the air (velocity `wind_mps`), no friction along the plate; `C` is
+    /// `normal_coefficient`.
     Panels {
         plates: Vec<Plate>,
         #[serde(default = "origin")]
@@ -162,9 +168,10 @@ pub enum Hidden {
         #[serde(default = "plate_coefficient")]
         normal_coefficient: f64,
     },
-    /// Any law: force (N) at a point of a link and couple (N·m) on it, three formulas each, along the axes of the world or
-    /// of the link. `link: body` is the whole body: the force then acts at its centre of mass, spread over the links by
-    /// mass like weight, and the axes of the "link" are those of the root.
+    /// Any law: force (N) at a point of a link and couple (N·m) on it, three formulas each, along
+    /// the axes of the world or of the link. `link: body` is the whole body: the force then acts at
+    /// its centre of mass, spread over the links by mass like weight, and the axes of the "link"
+    /// are those of the root.
     ///
     /// | name | quantity |
     /// |---|---|
@@ -177,11 +184,13 @@ pub enum Hidden {
     /// | `t` | time of the recording, s |
     /// | `since_start` | time since take-off (release), s; zero on the ground and in the hand |
     ///
-    /// Operators `+ - * / ^`; `pi`; functions `abs sign sqrt exp ln sin cos tan atan tanh`, `step` (0 below zero, else 1),
-    /// `min max hypot atan2` of two arguments, and `dist(x0, y0, z0)`, the distance of the point from a place in the world.
+    /// Operators `+ - * / ^`; `pi`; functions `abs sign sqrt exp ln sin cos tan atan tanh`, `step`
+    /// (0 below zero, else 1), `min max hypot atan2` of two arguments, and `dist(x0, y0, z0)`, the
+    /// distance of the point from a place in the world.
     ///
-    /// `delay_s` (0, or 0.005 to 0.5 s): the components are those of the state `delay_s` ago; they act at the present point
-    /// along the present axes. Before the recording's first instant they are those of that instant.
+    /// `delay_s` (0, or 0.005 to 0.5 s): the components are those of the state `delay_s` ago; they
+    /// act at the present point along the present axes. Before the recording's first instant they
+    /// are those of that instant.
     Law {
         link: String,
         #[serde(default = "origin")]
@@ -212,7 +221,8 @@ pub enum Hidden {
     PlateRotation { plate: usize, turn_deg: [f64; 3] },
     /// Gains of the six channels of plate `plate`.
     PlateGain { plate: usize, gain: [f64; 6] },
-    /// More soft-tissue movement on one link: markers shift by about `amplitude_m` for a turn of half a radian in its joint.
+    /// More soft-tissue movement on one link: markers shift by about `amplitude_m` for a turn of
+    /// half a radian in its joint.
     SoftTissue {
         link: String,
         amplitude_m: f64,
@@ -261,7 +271,8 @@ impl Hidden {
         }
     }
 
-    /// The link that the effect acts on, if it names one and only one (a law may name the whole body instead).
+    /// The link that the effect acts on, if it names one and only one (a law may name the whole
+    /// body instead).
     pub fn link(&self) -> Option<&str> {
         match self {
             Self::ConstantForce { link, .. }

@@ -247,7 +247,8 @@ pub struct CaptureSpec {
     pub analog_per_frame: usize,
     /// White noise of a marker, each axis, m.
     pub marker_noise_m: f64,
-    /// Soft-tissue artefact of a person's markers, root mean square, m (smooth function of joint angles).
+    /// Soft-tissue artefact of a person's markers, root mean square, m (smooth function of joint
+    /// angles).
     pub soft_tissue_m: f64,
     /// Fraction of marker frames lost in gaps.
     pub gap_fraction: f64,

@@ -259,9 +259,9 @@ pub(crate) fn chain_extra(
     out
 }
 
-/// The true motion of a trial at the camera frames as a numpy archive: `t_frame`, `q`, `v`, `a` (conventions of
-/// `aloft-body`), `com`, `contact_wrench` and `effect_wrench` (on the body about the world origin, force then moment),
-/// `flight_intervals`.
+/// The true motion of a trial at the camera frames as a numpy archive: `t_frame`, `q`, `v`, `a`
+/// (conventions of `aloft-body`), `com`, `contact_wrench` and `effect_wrench` (on the body about
+/// the world origin, force then moment), `flight_intervals`.
 pub fn trajectories(scenario: &Scenario, body: &Body, motion: &TrueMotion, ticks_per_frame: usize) -> Vec<u8> {
     use crate::npz::{Array, Npz};
     let frames = motion.n_ticks() / ticks_per_frame;

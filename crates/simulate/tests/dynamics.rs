@@ -92,7 +92,8 @@ fn fly(plant: &Plant, drive: &dyn Drive, q0: &[f64], v0: &[f64], step: f64, time
     out
 }
 
-/// Largest difference of marker-like points (on both links, 0.2 m out) between two coordinate vectors, m.
+/// Largest difference of marker-like points (on both links, 0.2 m out) between two coordinate
+/// vectors, m.
 fn point_distance(model: &Model, a: &[f64], b: &[f64]) -> f64 {
     let (mut s, mut r) = (State::new(model), State::new(model));
     s.forward_position(model, &a[..model.nq]);

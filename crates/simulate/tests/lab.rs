@@ -115,7 +115,8 @@ fn flights_are_free_and_their_center_of_mass_falls() {
     }
 }
 
-/// Velocities and accelerations are the derivatives of the coordinates, across contacts and flights.
+/// Velocities and accelerations are the derivatives of the coordinates, across contacts and
+/// flights.
 #[test]
 fn motion_is_consistent_in_time() {
     for scenario in [small_chain(), small_human()] {

@@ -115,7 +115,8 @@ fn laws_act_on_people_and_on_the_whole_body() {
     let lift = format!("{mass:.17}*9.81*0.02");
     let law = json!({"effect": "law", "link": "body", "force": [0, 0, lift]});
     let (a, b) = (run(&chain(&[json!({"effect": "gravity_scale", "factor": 0.98})])), run(&chain(&[law])));
-    // the throws are planned with the plant's gravity: compare the accelerations of the first instant in the air
+    // the throws are planned with the plant's gravity: compare the accelerations of the first
+    // instant in the air
     for lab in [&a, &b] {
         let trial = lab.trial("throws_01").expect("trial");
         let [start, end] = trial.motion.flights[0];

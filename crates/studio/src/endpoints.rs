@@ -159,7 +159,8 @@ async fn series(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Respon
     Ok(answer(&found.await?))
 }
 
-/// Takes a law that was written in the page as a switch; what is wrong in it is the answer otherwise.
+/// Takes a law that was written in the page as a switch; what is wrong in it is the answer
+/// otherwise.
 async fn law(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response, Problem> {
     let law: FormulaEffect = asked(&body)?;
     let found = computed(move || {

@@ -2,9 +2,10 @@
 //!
 //! The server listens on the loopback interface only. Other programs of the same machine, and pages
 //! of other origins in the same browser, can reach that too. Every request therefore needs the
-//! random token of this start, must name the server by its own address (a foreign name that resolves
-//! to this machine is refused, which stops DNS rebinding), and must not come from another origin.
-//! Requests that change something need the token in a header, which a foreign form cannot send.
+//! random token of this start, must name the server by its own address (a foreign name that
+//! resolves to this machine is refused, which stops DNS rebinding), and must not come from another
+//! origin. Requests that change something need the token in a header, which a foreign form cannot
+//! send.
 
 use crate::state::Studio;
 use axum::extract::{Request, State};

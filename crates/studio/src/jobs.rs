@@ -1,5 +1,6 @@
 //! Work that takes longer than an answer. One worker does one piece after the other, so that no two
-//! of them change or copy the workspace at the same time; pages hear of the progress and the result.
+//! of them change or copy the workspace at the same time; pages hear of the progress and the
+//! result.
 
 use crate::events::ProgressSender;
 use crate::state::{Studio, SwitchState};

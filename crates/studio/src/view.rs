@@ -7,7 +7,8 @@ use aloft_compare::TrialSeries;
 use aloft_workspace::error::PipelineError;
 use serde_json::{Value, json};
 
-/// Subject, model, switches with what the last discovery said about each, settings, recordings, work.
+/// Subject, model, switches with what the last discovery said about each, settings, recordings,
+/// work.
 pub(crate) fn state(studio: &Studio) -> Result<Value, PipelineError> {
     let session = (studio.open)()?.refreshed()?;
     let (switches, without, preparing, problem) = match studio.switch_state() {

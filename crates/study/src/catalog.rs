@@ -18,7 +18,8 @@ pub struct Source {
     pub text: String,
 }
 
-/// Names of the built-in configurations of one kind (`models`, `markersets`, `anthropometry`, `objects`, `scenarios`).
+/// Names of the built-in configurations of one kind (`models`, `markersets`, `anthropometry`,
+/// `objects`, `scenarios`).
 pub fn names(kind: &str) -> Vec<String> {
     let mut names: Vec<String> = BUILT_IN
         .get_dir(kind)

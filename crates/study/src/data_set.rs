@@ -1,5 +1,5 @@
-//! A study of many subjects and sessions: one [`SubjectSession`] for each session, with a workspace folder
-//! of its own.
+//! A study of many subjects and sessions: one [`SubjectSession`] for each session, with a workspace
+//! folder of its own.
 //!
 //! Results are in `WORKSPACE/<subject>/<session>/<stage>/<trial>/`; for a study of one subject in
 //! `WORKSPACE/<stage>/<trial>/`.

@@ -81,8 +81,8 @@ impl OwnEffect {
 /// Folder beside a pipeline file whose files (`*.yaml`) each hold one effect.
 pub const EFFECTS_FOLDER: &str = "effects";
 
-/// Effects that the pipeline defines or names, and those in the folder `effects` beside it, each with
-/// a unique identifier.
+/// Effects that the pipeline defines or names, and those in the folder `effects` beside it, each
+/// with a unique identifier.
 pub fn own_effects(
     config: &PipelineConfig,
     file: &str,
@@ -136,7 +136,8 @@ pub fn own_effects(
     Ok(own)
 }
 
-/// Files of the folder `effects` beside a pipeline, sorted by name; none if there is no such folder.
+/// Files of the folder `effects` beside a pipeline, sorted by name; none if there is no such
+/// folder.
 fn effect_files(dir: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     let folder = dir.join(EFFECTS_FOLDER);
     if !folder.is_dir() {

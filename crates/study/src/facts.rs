@@ -54,8 +54,8 @@ pub(crate) struct FactPlaces<'a> {
     pub model: Option<(&'a str, f64)>,
 }
 
-/// What `subject.yaml` or `object.yaml` beside the recordings may say; other keys are the laboratory's own business. Ranges are those of the
-/// pipeline's settings of the same kind.
+/// What `subject.yaml` or `object.yaml` beside the recordings may say; other keys are the
+/// laboratory's own business. Ranges are those of the pipeline's settings of the same kind.
 #[derive(Debug, Default, Clone, Deserialize, JsonSchema)]
 struct FactsFile {
     name: Option<String>,
@@ -74,7 +74,8 @@ struct FactsFile {
     #[schemars(range(min = GRAVITY_MPS2.0, max = GRAVITY_MPS2.1))]
     gravity_m_s2: Option<f64>,
     lab: Option<LabFacts>,
-    /// Recordings, as a list of names or of entries with `file`; any other shape is the laboratory's own business.
+    /// Recordings, as a list of names or of entries with `file`; any other shape is the
+    /// laboratory's own business.
     #[schemars(with = "serde_json::Value")]
     trials: Option<serde_yaml::Value>,
 }
@@ -379,7 +380,8 @@ pub(crate) fn participant_ids(folder: &Path) -> Result<Vec<String>, PipelineErro
         .unwrap_or_default())
 }
 
-/// The row of `participants.tsv` (BIDS) for this folder: the one whose `participant_id` names the folder, or the only one.
+/// The row of `participants.tsv` (BIDS) for this folder: the one whose `participant_id` names the
+/// folder, or the only one.
 fn participants(data: &Path) -> Result<Option<FactsFile>, PipelineError> {
     let path = data.join(PARTICIPANTS);
     let Some(table) = Tsv::read(&path)? else { return Ok(None) };

@@ -1,5 +1,5 @@
-//! Former names of settings and of their values. They keep working: a file that contains one is read
-//! as if it had the present name, and commands print a warning.
+//! Former names of settings and of their values. They keep working: a file that contains one is
+//! read as if it had the present name, and commands print a warning.
 
 use serde_yaml::Value;
 

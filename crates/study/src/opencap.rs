@@ -1,5 +1,5 @@
-//! What OpenCap states about a subject: `sessionMetadata.yaml` in the folder of a session, above its
-//! `MarkerData`.
+//! What OpenCap states about a subject: `sessionMetadata.yaml` in the folder of a session, above
+//! its `MarkerData`.
 
 use crate::config::{HEIGHT_M, MASS_KG};
 use serde_yaml::Value;
@@ -23,8 +23,8 @@ pub struct Metadata {
     pub mass_kg: Option<f64>,
 }
 
-/// The metadata of the session whose recordings are in a folder: in it, above it where it belongs to a session, or in the
-/// only folder below it that has some.
+/// The metadata of the session whose recordings are in a folder: in it, above it where it belongs
+/// to a session, or in the only folder below it that has some.
 pub fn beside(data: &Path) -> Option<PathBuf> {
     let data = data.canonicalize().unwrap_or_else(|_| data.to_path_buf());
     let in_session = data.ancestors().take(ABOVE).any(|a| a.file_name().is_some_and(|n| n == "MarkerData"));

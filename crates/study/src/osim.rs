@@ -1,4 +1,5 @@
-//! An OpenSim model as the body of a study: its geometry, markers and inertias as the file has them.
+//! An OpenSim model as the body of a study: its geometry, markers and inertias as the file has
+//! them.
 
 use aloft_robot::PriorSpread;
 use aloft_robot::osim::{OsimModel, RigidTree};
@@ -44,8 +45,8 @@ impl OsimSetup {
     /// Reads the model: a path relative to the pipeline, or to the recordings.
     ///
     /// # Errors
-    /// A file that is missing, is no model of OpenSim 4, has parts that are not supported, or carries
-    /// no markers.
+    /// A file that is missing, is no model of OpenSim 4, has parts that are not supported, or
+    /// carries no markers.
     pub fn load(name: &str, folder: &Path, data: &Path, root: &Path) -> Result<Self, PipelineError> {
         let places = [folder.join(name), data.join(name), root.join(name)];
         let Some(path) = places.iter().find(|p| p.is_file()) else {

@@ -176,7 +176,8 @@ pub fn error_at_key(
     error_at(file, text, at, &problem.into(), hint)
 }
 
-/// A configuration error that points at an item of the list under `key:` (at the key where items do not begin lines of their own).
+/// A configuration error that points at an item of the list under `key:` (at the key where items do
+/// not begin lines of their own).
 pub fn error_at_item(
     file: &str,
     text: &str,

@@ -23,7 +23,8 @@ pub struct Outside {
     pub hint: Option<String>,
 }
 
-/// Parses YAML with errors that point at the place. A number that is none (NaN, infinite) is refused wherever it stands.
+/// Parses YAML with errors that point at the place. A number that is none (NaN, infinite) is
+/// refused wherever it stands.
 pub fn parse_yaml<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, PipelineError> {
     let value = serde_yaml::from_str(text).map_err(|error| not_yaml(file, text, &error))?;
     finite(file, text)?;

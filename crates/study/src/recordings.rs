@@ -1,4 +1,5 @@
-//! Recordings in a folder: which files hold one, their names, and the patterns that choose among them; which subject's and session's a folder is.
+//! Recordings in a folder: which files hold one, their names, and the patterns that choose among
+//! them; which subject's and session's a folder is.
 
 use crate::place::error_at_key;
 use aloft_workspace::error::PipelineError;
@@ -60,7 +61,8 @@ pub fn is_bids(path: &Path) -> bool {
     path.file_name().is_some_and(|n| n.to_string_lossy().ends_with(BIDS_MOTION))
 }
 
-/// Files that describe a BIDS-Motion recording, those that are there: channels, their frame, metadata.
+/// Files that describe a BIDS-Motion recording, those that are there: channels, their frame,
+/// metadata.
 pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let Some(stem) = name.strip_suffix(BIDS_MOTION) else { return Vec::new() };
@@ -81,22 +83,23 @@ pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
 /// Endings of a robot's log, and of the recording of its base beside it.
 const LOG_ENDINGS: [&str; 4] = [".csv.gz", ".csv", ".parquet", ".mcap"];
 
-/// The name of a robot's log without its ending: `jump_01` for `jump_01_robot.csv.gz`; none for other files and for recordings
-/// of the base.
+/// The name of a robot's log without its ending: `jump_01` for `jump_01_robot.csv.gz`; none for
+/// other files and for recordings of the base.
 pub fn log_stem(path: &Path) -> Option<String> {
     let name = path.file_name()?.to_string_lossy().into_owned();
     let bare = LOG_ENDINGS.iter().find_map(|end| name.strip_suffix(end))?;
     (!bare.ends_with("_base")).then(|| bare.strip_suffix("_robot").unwrap_or(bare).to_owned())
 }
 
-/// The recording of the base beside a robot's log, if there is one: `jump_01_base.csv` for `jump_01_robot.csv.gz`.
+/// The recording of the base beside a robot's log, if there is one: `jump_01_base.csv` for
+/// `jump_01_robot.csv.gz`.
 pub fn base_beside(log: &Path) -> Option<PathBuf> {
     let stem = log_stem(log)?;
     LOG_ENDINGS.iter().map(|end| log.with_file_name(format!("{stem}_base{end}"))).find(|p| p.is_file())
 }
 
-/// Markers on a robot's links beside its log, if there are any: `jump_01_markers.c3d` for `jump_01_robot.csv.gz`. They count
-/// where there is no recording of the base.
+/// Markers on a robot's links beside its log, if there are any: `jump_01_markers.c3d` for
+/// `jump_01_robot.csv.gz`. They count where there is no recording of the base.
 pub fn markers_beside(log: &Path) -> Option<PathBuf> {
     let stem = log_stem(log)?;
     ["c3d", "C3D"].iter().map(|end| log.with_file_name(format!("{stem}_markers.{end}"))).find(|p| p.is_file())
@@ -114,8 +117,8 @@ pub fn stem_of(path: &Path) -> String {
     }
 }
 
-/// The parts of a name that Theia3D gives the poses of a person, `pose_filt_0`: whether they are filtered, and the
-/// person's number; none for other names. The folder names the trial.
+/// The parts of a name that Theia3D gives the poses of a person, `pose_filt_0`: whether they are
+/// filtered, and the person's number; none for other names. The folder names the trial.
 pub fn theia_pose(stem: &str) -> Option<(bool, &str)> {
     let (words, person) = stem.rsplit_once('_')?;
     let filtered = if words.eq_ignore_ascii_case("pose_filt") {
@@ -128,8 +131,8 @@ pub fn theia_pose(stem: &str) -> Option<(bool, &str)> {
     (!person.is_empty() && person.chars().all(|c| c.is_ascii_digit())).then_some((filtered, person))
 }
 
-/// The name by which recordings of several subjects are compared: that of the file, or of the folder where every file in it
-/// has the same name.
+/// The name by which recordings of several subjects are compared: that of the file, or of the
+/// folder where every file in it has the same name.
 pub fn trial_name(path: &Path) -> String {
     let stem = stem_of(path);
     match (theia_pose(&stem), path.parent().and_then(Path::file_name)) {
@@ -138,8 +141,9 @@ pub fn trial_name(path: &Path) -> String {
     }
 }
 
-/// Recordings below a folder, relative to it, in order of names. Results (workspaces, exports, `derivatives`) and hidden folders
-/// are not looked into. Links to files count: data sets of DataLad or git-annex consist of them.
+/// Recordings below a folder, relative to it, in order of names. Results (workspaces, exports,
+/// `derivatives`) and hidden folders are not looked into. Links to files count: data sets of
+/// DataLad or git-annex consist of them.
 pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     files_below(folder, is_recording)
 }

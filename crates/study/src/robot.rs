@@ -17,13 +17,15 @@ pub struct RobotSetup {
     pub model: RobotModel,
     /// Spread of the model's inertias.
     pub spread: PriorSpread,
-    /// Model files, as paths; the first is the one that `model` was read from. No part of a cache key.
+    /// Model files, as paths; the first is the one that `model` was read from. No part of a cache
+    /// key.
     #[serde(skip)]
     pub files: Vec<PathBuf>,
 }
 
 impl RobotSetup {
-    /// Reads the description beside the recordings (or in the study's folder), and the model that it names.
+    /// Reads the description beside the recordings (or in the study's folder), and the model that
+    /// it names.
     ///
     /// # Errors
     /// A file that is missing or cannot be used, with what was expected.

@@ -67,7 +67,8 @@ pub struct TrialEntry {
     pub forces: Option<PathBuf>,
     /// Group of recordings that it belongs to (`trials.groups`), if any.
     pub group: Option<String>,
-    /// Files that belong to the recording: channels and metadata of BIDS-Motion, the base of a robot.
+    /// Files that belong to the recording: channels and metadata of BIDS-Motion, the base of a
+    /// robot.
     pub beside: Vec<PathBuf>,
     /// Reason for its exclusion, if it is excluded.
     pub excluded: Option<String>,
@@ -287,8 +288,8 @@ impl SubjectSession {
         }
     }
 
-    /// Whether contact takes part in identification: as the pipeline states; where it does not, only
-    /// if an effect of the model shows in contact alone.
+    /// Whether contact takes part in identification: as the pipeline states; where it does not,
+    /// only if an effect of the model shows in contact alone.
     pub fn identifies_from_contact(&self) -> bool {
         let on_plates_only = |e: &crate::revision::ModelEffect| {
             let own = self.own_effects.iter().find(|o| o.spec.id == e.id()).map(|o| o.spec.acts);

@@ -206,7 +206,8 @@ fn find_swaps(markers: &mut Markers, members: &[usize], options: &ArtefactOption
     }
 }
 
-/// Mean distance error of members `i` and `j` in one frame, if exchanging them removes at least 70 % of it.
+/// Mean distance error of members `i` and `j` in one frame, if exchanging them removes at least 70
+/// % of it.
 fn swap_size(
     markers: &Markers,
     members: &[usize],

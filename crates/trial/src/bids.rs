@@ -120,8 +120,8 @@ impl Trial {
     }
 }
 
-/// Whether the last row of an unterminated table is cut: by its number of columns, or by the length of
-/// its last number against those above it.
+/// Whether the last row of an unterminated table is cut: by its number of columns, or by the length
+/// of its last number against those above it.
 fn cut(rows: &[(usize, &str)], cells: &[&str], n_columns: usize) -> Ending {
     let (Some(last), Some(column)) = (cells.last(), cells.len().checked_sub(1)) else { return Ending::Cut };
     if cells.len() < n_columns || last.is_empty() {
@@ -166,8 +166,8 @@ fn up_of_axes(word: &str) -> Option<UpAxis> {
     (place < 3).then(|| UpAxis::from_index(place, up))
 }
 
-/// True if the last row of an unterminated table of channels is cut: cells are missing, or the last is
-/// the beginning of one above it.
+/// True if the last row of an unterminated table of channels is cut: cells are missing, or the last
+/// is the beginning of one above it.
 fn is_cut(rows: &[(usize, &str)], cells: &[&str], n_columns: usize) -> bool {
     let Some(last) = cells.last() else { return true };
     let mut above =

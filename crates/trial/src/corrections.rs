@@ -1,5 +1,5 @@
-//! Corrections of a session's recordings: what a measurement of the recordings themselves showed and
-//! the user confirmed. Part of import, before labels and gaps.
+//! Corrections of a session's recordings: what a measurement of the recordings themselves showed
+//! and the user confirmed. Part of import, before labels and gaps.
 
 use crate::Trial;
 use nalgebra::{Rotation3, Vector3};

@@ -22,7 +22,8 @@ const AGREE: f64 = 0.9;
 const SURPLUS: f64 = 0.5;
 
 /// Vertical axis told by free fall: the middle of the markers follows a parabola with the
-/// acceleration of gravity, downward. `None` without a fall, or where windows contradict each other.
+/// acceleration of gravity, downward. `None` without a fall, or where windows contradict each
+/// other.
 ///
 /// Pushing off, the middle of the markers can accelerate upward as much, but not as evenly: windows
 /// count by how well a parabola fits them.

@@ -77,7 +77,8 @@ impl Trial {
     }
 }
 
-/// The date in the header of a TRC (a line of keys above a line of values) or MOT (`key=value`) text.
+/// The date in the header of a TRC (a line of keys above a line of values) or MOT (`key=value`)
+/// text.
 fn recorded_in_header(text: &str) -> Option<recorded::RecordedAt> {
     let lines: Vec<&str> = text.lines().take(30).take_while(|l| !l.trim().eq_ignore_ascii_case("endheader")).collect();
     let mut pairs: Vec<(String, String)> = lines

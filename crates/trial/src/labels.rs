@@ -197,7 +197,8 @@ pub fn recognise(trial: &Trial, sets: &[MarkerSet]) -> Vec<(String, f64)> {
 }
 
 impl MarkerSet {
-    /// Labels of the markers on each link, for rigid fills and swap checks: tracked markers only, in the order of the set.
+    /// Labels of the markers on each link, for rigid fills and swap checks: tracked markers only,
+    /// in the order of the set.
     pub fn segments(&self) -> Vec<Vec<String>> {
         let mut links: Vec<(&str, Vec<String>)> = Vec::new();
         for marker in self.markers.iter().filter(|m| m.tracking) {

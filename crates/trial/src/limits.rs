@@ -1,7 +1,8 @@
 //! Plates that do not measure: stuck at one reading, or at the limit of their range.
 //!
 //! An amplifier that is overloaded, unplugged or at the end of its range repeats one value. Summed
-//! with the other plates such a reading looks like a load of the body, so it is missing from here on.
+//! with the other plates such a reading looks like a load of the body, so it is missing from here
+//! on.
 
 use crate::{Plate, Trial, Warning, WarningKind};
 use nalgebra::Vector3;
@@ -11,7 +12,8 @@ use std::ops::Range;
 const ZERO_N: f64 = 20.0;
 /// Force that nobody who stands still reaches, N.
 const NOBODY_N: f64 = 2500.0;
-/// Largest spread of a stuck reading, as a share of its size: a loaded plate shows at least its noise.
+/// Largest spread of a stuck reading, as a share of its size: a loaded plate shows at least its
+/// noise.
 const STUCK: f64 = 1e-6;
 /// Extent of the median marker's path from which a body moves, m.
 const MOVES_M: f64 = 0.1;
@@ -20,8 +22,8 @@ const SAMPLES: usize = 20;
 const RUN: usize = 5;
 /// Least force at which a limit is sought, N.
 const LIMIT_N: f64 = 50.0;
-/// A peak that is rounded by coarse digits falls by a few of these steps beside its top, one that is
-/// cut falls on as it rose.
+/// A peak that is rounded by coarse digits falls by a few of these steps beside its top, one that
+/// is cut falls on as it rose.
 const STEPS: f64 = 10.0;
 /// Least fall beside a cut peak, as a share of it.
 const FALL: f64 = 0.03;

@@ -57,7 +57,8 @@ pub struct MarkerDefinition {
     /// True for markers worn in the static trial only.
     #[serde(default)]
     pub static_only: bool,
-    /// True for markers that variants of the set leave out: they are used where present and never reported as missing.
+    /// True for markers that variants of the set leave out: they are used where present and never
+    /// reported as missing.
     #[serde(default)]
     pub optional: bool,
 }

@@ -165,7 +165,8 @@ impl Table {
     }
 }
 
-/// A count that the header states under one of these keys (`nRows=10`, `datarows 10`), and its line.
+/// A count that the header states under one of these keys (`nRows=10`, `datarows 10`), and its
+/// line.
 fn stated(
     header: &[String],
     keys: &[&str],
@@ -214,8 +215,8 @@ enum Quantity {
     Moment,
 }
 
-/// Splits a label into the plate's key, the quantity and the axis: `1_ground_force_vx`, `ground_force_r_px`, `ground_torque_2_x`,
-/// `ground_moment_1_mx`, `FP1_ground_force_vz` …
+/// Splits a label into the plate's key, the quantity and the axis: `1_ground_force_vx`,
+/// `ground_force_r_px`, `ground_torque_2_x`, `ground_moment_1_mx`, `FP1_ground_force_vz` …
 fn parse_column(label: &str) -> Option<(String, Quantity, usize)> {
     let lower = label.to_ascii_lowercase();
     if !(lower.contains("force") || lower.contains("torque") || lower.contains("moment") || lower.contains("grf")) {
@@ -250,8 +251,9 @@ struct PlateColumns {
     at: [[Option<usize>; 3]; 3],
 }
 
-/// Adds the plates of a ground reaction table to the trial (metres, newtons, source axes). `first_frame_time_s` is the time of
-/// the first marker frame: plate samples are cut, or filled with missing ones, so that both start together.
+/// Adds the plates of a ground reaction table to the trial (metres, newtons, source axes).
+/// `first_frame_time_s` is the time of the first marker frame: plate samples are cut, or filled
+/// with missing ones, so that both start together.
 pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_time_s: f64) -> Result<(), TrialError> {
     let table = Table::from_mot(&trial.name, text)?;
     let mut plates: Vec<PlateColumns> = Vec::new();

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImportOptions {
-    /// Axis of the source that points up; if absent, determined from the plates, from falling markers, from feet and
-    /// shoulders, otherwise by the convention of the format (C3D Z, TRC Y).
+    /// Axis of the source that points up; if absent, determined from the plates, from falling
+    /// markers, from feet and shoulders, otherwise by the convention of the format (C3D Z, TRC Y).
     pub up_axis: Option<UpAxis>,
     /// Remove the prefix `Subject:` from labels.
     pub strip_prefix: bool,
@@ -58,8 +58,8 @@ pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<Warning>) {
 }
 
 /// Rotates the recording into the world frame. The vertical axis is, in this order, the one in the
-/// options, the one found from the plates, the one from the feet to the shoulders, the axis that the
-/// file declares (without its sign), or the convention of the format.
+/// options, the one found from the plates, the one from the feet to the shoulders, the axis that
+/// the file declares (without its sign), or the convention of the format.
 pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, declared: Option<UpAxis>, habit: UpAxis) {
     let (plates, fall, body) = (up_axis_from_plates(trial), up_axis_from_fall(trial), up_axis_from_body(trial));
     let told = plates
@@ -67,7 +67,8 @@ pub(crate) fn to_world(trial: &mut Trial, options: &ImportOptions, declared: Opt
         .or(body.map(|up| (up, "shoulders above feet")))
         .or(declared.map(|up| (up.positive(), "the file's screen axes")));
     if options.up_axis.is_none() {
-        // what falls does not say how the body is turned: in a somersault shoulders are below the feet
+        // what falls does not say how the body is turned: in a somersault shoulders are below the
+        // feet
         let body = if plates.is_none() && fall.is_some() { fall } else { body };
         match (plates, body, declared) {
             (Some((seen, by)), Some(body), _) if seen != body => trial.warn(

@@ -7,7 +7,8 @@
 //!
 //! with movement `a f⁻ᵖ`, noise before the filter `N`, a Butterworth filter of second order run
 //! forwards and backwards `H`, and what was added after it `Q` (rounding). Splines and moving
-//! averages fall about as fast; the frequency found is then that of the filter which resembles them.
+//! averages fall about as fast; the frequency found is then that of the filter which resembles
+//! them.
 
 use crate::Trial;
 use aloft_signal::welch;

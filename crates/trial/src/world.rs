@@ -65,8 +65,9 @@ impl UpAxis {
 
     /// Proper rotation that brings this axis to +Z.
     ///
-    /// Y-up sources keep X: (X forward, Y up, Z right) becomes (X forward, Y left, Z up), that is (x, y, z) → (x, −z, y).
-    /// X-up sources are turned cyclically, (x, y, z) → (y, z, x). The entries are 0 and ±1, so that nothing is rounded.
+    /// Y-up sources keep X: (X forward, Y up, Z right) becomes (X forward, Y left, Z up), that is
+    /// (x, y, z) → (x, −z, y). X-up sources are turned cyclically, (x, y, z) → (y, z, x). The
+    /// entries are 0 and ±1, so that nothing is rounded.
     pub fn world_from_source(self) -> Rotation3<f64> {
         let rows = match self {
             Self::Z => [[1., 0., 0.], [0., 1., 0.], [0., 0., 1.]],
@@ -143,7 +144,8 @@ const UPPER: [&str; 16] = [
 ];
 const FEET: [&str; 15] =
     ["heel", "hee", "calc", "cal", "fcc", "toe", "ank", "mal", "meta", "mt1", "mt5", "fm1", "fm5", "mfh", "tam"];
-/// Least mean distance between the two groups, m, and the share of it that has to lie along one axis.
+/// Least mean distance between the two groups, m, and the share of it that has to lie along one
+/// axis.
 const TALL_M: f64 = 0.5;
 const UPRIGHT: f64 = 0.8;
 

@@ -1,4 +1,5 @@
-//! The vertical of recordings without plates: told by the body, whatever the axes of the screen say.
+//! The vertical of recordings without plates: told by the body, whatever the axes of the screen
+//! say.
 #![allow(clippy::unwrap_used, reason = "helpers of tests, not library code")]
 
 use aloft_c3d::{C3dBuilder, Parameter};

@@ -1,4 +1,5 @@
-//! What can go wrong between a configuration and its results. Configuration errors carry the text and the place in it.
+//! What can go wrong between a configuration and its results. Configuration errors carry the text
+//! and the place in it.
 
 use crate::qc::QcReason;
 use miette::{Diagnostic, NamedSource, SourceSpan};

@@ -103,7 +103,8 @@ pub fn read_frame(path: &Path) -> Result<DataFrame, PipelineError> {
     parquet::read(bytes).map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
 }
 
-/// Reads Parquet of another program: every column of whole or floating-point numbers; others are left out.
+/// Reads Parquet of another program: every column of whole or floating-point numbers; others are
+/// left out.
 pub fn read_numbers(path: &Path) -> Result<Table, PipelineError> {
     let table_error = |e: PolarsError| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() };
     let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;

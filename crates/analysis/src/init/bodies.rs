@@ -22,9 +22,9 @@ const SEEN: usize = 20;
 /// Largest spread of a distance that counts as kept, and largest distance on a segment, m.
 const KEPT_M: f64 = 0.008;
 const SEGMENT_M: f64 = 0.6;
-/// Fewest pairs that two recordings have to share, and the median difference of their distances from
-/// which they are of two bodies, m: skin moves by some millimetres, the distances of two persons
-/// differ by several hundredths of some decimetres.
+/// Fewest pairs that two recordings have to share, and the median difference of their distances
+/// from which they are of two bodies, m: skin moves by some millimetres, the distances of two
+/// persons differ by several hundredths of some decimetres.
 const PAIRS: usize = 15;
 const OTHER_M: f64 = 0.009;
 
@@ -90,16 +90,16 @@ impl Distances {
         (differences.len() >= PAIRS).then(|| aloft_signal::upper_median(&mut differences)).flatten()
     }
 
-    /// Mean difference of the distances to those of some recordings, m: a few markers that sit elsewhere
-    /// count, too.
+    /// Mean difference of the distances to those of some recordings, m: a few markers that sit
+    /// elsewhere count, too.
     pub fn mean_difference(&self, others: &[&Self]) -> Option<f64> {
         let all: Vec<f64> = others.iter().flat_map(|o| self.differences(o)).collect();
         (all.len() >= PAIRS).then(|| all.iter().sum::<f64>() / all.len() as f64)
     }
 }
 
-/// Groups of recordings with the same distances, the largest first; those that cannot be compared are
-/// in none. With the groups, the smallest difference between two of them, m.
+/// Groups of recordings with the same distances, the largest first; those that cannot be compared
+/// are in none. With the groups, the smallest difference between two of them, m.
 fn groups(all: &[Distances]) -> (Vec<Vec<usize>>, f64) {
     let mut group: Vec<usize> = (0..all.len()).collect();
     let mut compared = vec![false; all.len()];

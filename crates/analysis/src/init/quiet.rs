@@ -19,9 +19,9 @@ pub(super) struct Quiet {
     pub spread_m: f64,
 }
 
-/// The quietest stretch of all recordings in which the body stands: the mean marker is as high above
-/// the lowest one as in the tallest stretch, within 8 % (a crouch lowers it by more, raised arms lift
-/// it by less).
+/// The quietest stretch of all recordings in which the body stands: the mean marker is as high
+/// above the lowest one as in the tallest stretch, within 8 % (a crouch lowers it by more, raised
+/// arms lift it by less).
 pub(super) fn quietest<'a>(rest: &[&'a Determination]) -> Option<(&'a Determination, Quiet)> {
     let all: Vec<(&Determination, Quiet, f64)> =
         rest.iter().flat_map(|d| stretches(&d.trial).into_iter().map(move |(q, height)| (*d, q, height))).collect();

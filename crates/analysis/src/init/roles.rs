@@ -1,5 +1,5 @@
-//! What each recording is for. Names decide where they are clear; what a recording shows decides the
-//! rest, in any language: nobody moves in a static trial, and only flights identify a body.
+//! What each recording is for. Names decide where they are clear; what a recording shows decides
+//! the rest, in any language: nobody moves in a static trial, and only flights identify a body.
 
 use super::bodies::{Distances, distances};
 use super::{Determination, is_still, name_pattern};
@@ -25,8 +25,8 @@ pub(super) struct Roles<'a> {
     pub calibration: Vec<&'a Determination>,
     pub identify: Vec<&'a Determination>,
     pub validate: Vec<&'a Determination>,
-    /// Mean difference of the distances between markers of the static trial to those in the motion, and
-    /// of the spare ones, mm; empty with one static trial.
+    /// Mean difference of the distances between markers of the static trial to those in the motion,
+    /// and of the spare ones, mm; empty with one static trial.
     pub apart_mm: Vec<f64>,
 }
 
@@ -45,8 +45,8 @@ fn n_seen(trial: &Trial) -> usize {
     trial.markers.trajectories.iter().filter(seen).count()
 }
 
-/// Sorts the recordings of an object, or of persons; `several` is true for those of several subjects,
-/// whose pipeline names kinds of recordings instead of files.
+/// Sorts the recordings of an object, or of persons; `several` is true for those of several
+/// subjects, whose pipeline names kinds of recordings instead of files.
 pub(super) fn roles(seen: &[Determination], is_object: bool, several: bool) -> Roles<'_> {
     let mut out = Roles::default();
     let most = seen.iter().map(|s| n_seen(&s.trial)).max().unwrap_or(0) as f64;
@@ -75,8 +75,8 @@ pub(super) fn roles(seen: &[Determination], is_object: bool, several: bool) -> R
     out
 }
 
-/// The static trial with the most markers; among equal ones that whose markers sit as in the motion.
-/// With it the others, and how far the markers of each are off, mm, in that order.
+/// The static trial with the most markers; among equal ones that whose markers sit as in the
+/// motion. With it the others, and how far the markers of each are off, mm, in that order.
 fn best_static<'a>(
     seen: &[Determination],
     statics: Vec<&'a Determination>,
@@ -100,8 +100,8 @@ fn best_static<'a>(
 }
 
 /// Recordings to identify from, and those that are held out. People who never leave the ground show
-/// nothing to identify from: where others jump, such recordings test the model. Without a difference,
-/// names decide.
+/// nothing to identify from: where others jump, such recordings test the model. Without a
+/// difference, names decide.
 fn halves(rest: Vec<&Determination>, is_object: bool, several: bool) -> (Vec<&Determination>, Vec<&Determination>) {
     let by_name = |s: &Determination| HELD.iter().any(|h| lower(s).contains(h));
     let each: BTreeMap<&str, bool> =

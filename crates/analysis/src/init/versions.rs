@@ -1,5 +1,5 @@
-//! Recordings that software for videos writes several times: raw, filtered and augmented versions of
-//! one trial, and one file for each person.
+//! Recordings that software for videos writes several times: raw, filtered and augmented versions
+//! of one trial, and one file for each person.
 
 use super::Determination;
 use aloft_study::recordings::theia_pose;
@@ -68,8 +68,8 @@ pub(super) fn last(seen: Vec<Determination>) -> (Vec<Determination>, Vec<String>
     (own.into_iter().map(|(s, _)| s).collect(), other.into_iter().map(|(s, _)| s.relative).collect())
 }
 
-/// Names the subjects of trials that hold several persons by their numbers, where the files do not name
-/// them.
+/// Names the subjects of trials that hold several persons by their numbers, where the files do not
+/// name them.
 pub(super) fn name_persons(seen: &mut [Determination]) {
     let names: Vec<Name> = seen.iter().map(|s| name_of(&s.relative, &s.stem)).collect();
     let mut persons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();

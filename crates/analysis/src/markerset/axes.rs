@@ -1,6 +1,6 @@
-//! Where the segments of the standing body are, from the landmarks of its static trial: rigid clusters
-//! whose labels say nothing (CAST: plates on the segments, landmarks in the static trial alone) sit
-//! beside the axis of their segment.
+//! Where the segments of the standing body are, from the landmarks of its static trial: rigid
+//! clusters whose labels say nothing (CAST: plates on the segments, landmarks in the static trial
+//! alone) sit beside the axis of their segment.
 
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -24,8 +24,8 @@ impl Axis {
 /// Farthest that a cluster may be from an axis, in usual distances.
 const FARTHEST: f64 = 3.0;
 
-/// The segment nearest to a point: link, distance from its axis, m, and whether another one is nearly
-/// as near.
+/// The segment nearest to a point: link, distance from its axis, m, and whether another one is
+/// nearly as near.
 pub(super) struct Nearest {
     pub link: String,
     pub distance_m: f64,

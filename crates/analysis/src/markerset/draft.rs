@@ -277,8 +277,8 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Puts rigid clusters that labels do not explain on the segment beside whose axis they stand. The
-    /// axes come from the landmarks of the static trial, which may be seen there alone (CAST).
+    /// Puts rigid clusters that labels do not explain on the segment beside whose axis they stand.
+    /// The axes come from the landmarks of the static trial, which may be seen there alone (CAST).
     fn by_clusters(&self, place: &mut [Option<Place>]) {
         let named = place.iter().zip(&self.at).filter_map(|(p, at)| Some((p.as_ref()?.landmark.clone()?, (*at)?)));
         let axes = SegmentAxes::of(&named.collect());
@@ -349,8 +349,8 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Places whole groups that move together and of which no label is understood, by where they are
-    /// on the standing body.
+    /// Places whole groups that move together and of which no label is understood, by where they
+    /// are on the standing body.
     fn by_position(&self, place: &mut [Option<Place>]) {
         let open: Vec<usize> = (0..place.len()).filter(|i| place[*i].is_none() && self.at[*i].is_some()).collect();
         let seen: Vec<Vector3<f64>> = self.at.iter().flatten().copied().collect();
@@ -418,7 +418,8 @@ impl<'a> Work<'a> {
         (n >= 2.0 && m >= 2.0).then(|| r / n - l / m).filter(|d| d.norm() > 0.03).map(|d| d.normalize())
     }
 
-    /// The same without labels: across the widest horizontal extent, with the feet pointing forwards.
+    /// The same without labels: across the widest horizontal extent, with the feet pointing
+    /// forwards.
     fn right_by_shape(&self, seen: &[Vector3<f64>], middle: &Vector3<f64>) -> Option<Vector2<f64>> {
         let flat: Vec<Vector2<f64>> = seen.iter().map(|p| Vector2::new(p.x - middle.x, p.y - middle.y)).collect();
         let cross = flat.iter().fold(nalgebra::Matrix2::zeros(), |s, p| s + p * p.transpose()).symmetric_eigen();

@@ -5,8 +5,8 @@ use aloft_trial::{MarkerSet, Trial, apply_marker_set};
 use std::collections::BTreeMap;
 
 /// Pairs (recorded label, label of the set): in most recordings the first is unknown and the second
-/// missing, the words of the first name the landmark of the second (or its link, where neither has a
-/// landmark), and no other label does.
+/// missing, the words of the first name the landmark of the second (or its link, where neither has
+/// a landmark), and no other label does.
 pub(crate) fn renamed(sets: &[MarkerSet], set: &MarkerSet, trials: &[&Trial]) -> Vec<(String, String)> {
     let mut missing: BTreeMap<String, usize> = BTreeMap::new();
     let mut unknown: BTreeMap<String, usize> = BTreeMap::new();

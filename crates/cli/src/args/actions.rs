@@ -33,9 +33,11 @@ pub enum EffectAction {
         /// The pipeline.
         #[command(flatten)]
         pipeline: PipelineArgs,
-        /// Identifier, with a target in brackets where there are several: `flywheel[torso]`; also one that the pipeline defines.
+        /// Identifier, with a target in brackets where there are several: `flywheel[torso]`; also
+        /// one that the pipeline defines.
         name: String,
-        /// Value of a nonlinear parameter, `name=value`; what the last `discover` found where not given.
+        /// Value of a nonlinear parameter, `name=value`; what the last `discover` found where not
+        /// given.
         #[arg(long, value_name = "K=V", value_parser = key_value)]
         set: Vec<(String, f64)>,
         /// Every warning, and more about the revisions.
@@ -64,7 +66,8 @@ pub enum EffectAction {
 /// What can be done with marker sets.
 #[derive(Debug, Subcommand)]
 pub enum MarkerSetAction {
-    /// Check a marker-set file: links and landmarks that do not exist, duplicate labels, missing landmarks.
+    /// Check a marker-set file: links and landmarks that do not exist, duplicate labels, missing
+    /// landmarks.
     #[command(after_help = "Examples:\n  aloft markerset check lab.yaml\n  aloft markerset check lab.yaml --json")]
     Check {
         /// The file.
@@ -73,7 +76,8 @@ pub enum MarkerSetAction {
         #[arg(long)]
         json: bool,
     },
-    /// Propose a marker set from recordings: by labels, by which markers move together, and by their sides.
+    /// Propose a marker set from recordings: by labels, by which markers move together, and by
+    /// their sides.
     #[command(
         after_help = "Examples:\n  aloft markerset draft lab/s01 --out lab.yaml\n\nEach line states its evidence; review the lines marked CHECK."
     )]

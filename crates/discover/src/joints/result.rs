@@ -6,7 +6,8 @@ use serde::{Deserialize, Serialize};
 /// Result for all joints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JointDiscovery {
-    /// Verdict over all joints: `unexplained` if one is, else `supported` or `one_of` if something was found.
+    /// Verdict over all joints: `unexplained` if one is, else `supported` or `one_of` if something
+    /// was found.
     pub verdict: Verdict,
     /// The result in words.
     pub words: String,
@@ -27,7 +28,8 @@ pub struct JointDiscovery {
 }
 
 impl JointDiscovery {
-    /// The verdict in a few words: `supported: stribeck[l_knee]`, `nothing missing`, `unexplained: l_knee` …
+    /// The verdict in a few words: `supported: stribeck[l_knee]`, `nothing missing`, `unexplained:
+    /// l_knee` …
     pub fn short(&self) -> String {
         if !self.judged {
             return "not judged".to_owned();

@@ -35,8 +35,8 @@ pub struct JointInput {
     pub floor: Option<(f64, [f64; 2])>,
 }
 
-/// What the flights say: all folds of a joint with these laws in its model, and columns of others to try. None where the rows
-/// cannot be solved.
+/// What the flights say: all folds of a joint with these laws in its model, and columns of others
+/// to try. None where the rows cannot be solved.
 pub trait JointSearch: Sync {
     /// Folds of a joint; the last leaves nothing out.
     fn folds(
@@ -46,8 +46,8 @@ pub trait JointSearch: Sync {
         tried: &[EffectInstance<'_>],
     ) -> Option<Vec<ReducedFold>>;
 
-    /// What a perfect model would leave in a joint's rows with these laws, and its 95 % interval. A model that lacks a law has
-    /// wrong gains, and with them another floor.
+    /// What a perfect model would leave in a joint's rows with these laws, and its 95 % interval. A
+    /// model that lacks a law has wrong gains, and with them another floor.
     fn floor(&self, joint: usize, model: &[EffectInstance<'_>]) -> Option<(f64, [f64; 2])>;
 }
 
@@ -200,7 +200,8 @@ fn standing(floor: Option<(f64, [f64; 2])>, error: f64) -> Option<HeldOutResult>
     floor.map(|(floor, ci)| HeldOutResult { held_out_error: error, noise_floor: floor, noise_floor_ci95: Some(ci) })
 }
 
-/// A law is plausible if no coefficient and no parameter stands at a bound, where the flights did not determine it.
+/// A law is plausible if no coefficient and no parameter stands at a bound, where the flights did
+/// not determine it.
 fn plausible(coefficients: &[Estimate], nonlinear: &[Estimate]) -> bool {
     !coefficients.first().is_some_and(|c| c.at_bound || c.value == 0.0) && !nonlinear.iter().any(|n| n.at_bound)
 }
@@ -234,8 +235,8 @@ fn limits(rounds: &[Option<Round<'_>>], options: &DiscoverOptions) -> Limits {
     Limits { threshold, quantiles, clusters }
 }
 
-/// Searches the joints for missing laws among `effects`; `model` are those that it holds already. With a reason to wait the
-/// errors are stated and nothing is searched.
+/// Searches the joints for missing laws among `effects`; `model` are those that it holds already.
+/// With a reason to wait the errors are stated and nothing is searched.
 pub fn discover_joints(
     scene: &Scene,
     inputs: &[JointInput],
@@ -412,7 +413,8 @@ impl Joint<'_> {
         DiscoverOptions { null_draws: 0, ..self.options.clone() }
     }
 
-    /// Laws that no other one beats by more than chance explains, the one with the fewest unknowns first.
+    /// Laws that no other one beats by more than chance explains, the one with the fewest unknowns
+    /// first.
     fn named(&self, round: &Round<'_>) -> Vec<usize> {
         let believed: Vec<usize> =
             (0..round.laws.len()).filter(|&i| self.believed(&round.laws[i], &round.variants)).collect();

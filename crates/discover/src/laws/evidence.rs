@@ -11,7 +11,8 @@
 //!
 //! so the parameters of the body are refitted beside every candidate in every fold, at the price of
 //! a few small products. Residuals with random signs of the clusters are further right-hand sides
-//! of the same products: the null distribution of the whole search costs little more than the search.
+//! of the same products: the null distribution of the whole search costs little more than the
+//! search.
 
 use crate::problem::Problem;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -119,9 +120,9 @@ impl Evidence {
         Some(Self { parts, plain })
     }
 
-    /// Projects the model out of columns given by cluster. Each `smooth` consecutive columns are the
-    /// values of a curve: a light penalty on its second differences extends it where a fold has no
-    /// rows (`smooth` 0 or 1: none).
+    /// Projects the model out of columns given by cluster. Each `smooth` consecutive columns are
+    /// the values of a curve: a light penalty on its second differences extends it where a fold has
+    /// no rows (`smooth` 0 or 1: none).
     pub fn prepare(&self, columns: &[DMatrix<f64>], smooth: usize) -> Prepared {
         let k = columns[0].ncols();
         let m = self.parts[0].q.ncols();

@@ -264,8 +264,9 @@ fn places<'g>(groups: &[&'g Group], most: usize) -> Vec<&'g Group> {
 const EVERYWHERE: [Shape; 5] = [Shape::Linear, Shape::Affine, Shape::Switch, Shape::RampUp, Shape::RampDown];
 
 /// Laws with a straight line or a threshold in any variable, for the place and direction of an
-/// entry: a smooth curve does not follow a threshold, and a curve with many values predicts a flight
-/// beyond the range of the others worse than a line, so their variable need not be among the best.
+/// entry: a smooth curve does not follow a threshold, and a curve with many values predicts a
+/// flight beyond the range of the others worse than a line, so their variable need not be among the
+/// best.
 fn in_every_variable(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: &Group) -> Vec<Start> {
     let frames = PlaceFrames::new(session, group.carrier, &group.point);
     let mut out: Vec<Start> = Vec::new();

@@ -24,8 +24,8 @@ impl Factor {
     }
 }
 
-/// A law with free coefficients and parameters. Nonlinear parameters in this order: the point on the
-/// link (if free), the anchor (if the direction needs one), the parameters of each factor.
+/// A law with free coefficients and parameters. Nonlinear parameters in this order: the point on
+/// the link (if free), the anchor (if the direction needs one), the parameters of each factor.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Law {
     pub id: String,
@@ -48,8 +48,8 @@ pub(crate) enum PointIs {
     Given,
     /// Three unknown coordinates in the link.
     Free,
-    /// Two unknown coordinates along these unit vectors of the link, from `point`: a force that keeps
-    /// its direction in the link may slide along its line of action.
+    /// Two unknown coordinates along these unit vectors of the link, from `point`: a force that
+    /// keeps its direction in the link may slide along its line of action.
     OnPlane([Vector3<f64>; 2]),
 }
 

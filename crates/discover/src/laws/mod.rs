@@ -12,10 +12,10 @@
 //! | advice | `next` | the recording that tells a law from the next best one |
 //! | output | `formula`, `result`, `wording` | an effect of the user's own, numbers, words |
 //!
-//! The method joins the weak form of sparse identification (Messenger and Bortz, *Weak SINDy*, 2021)
-//! with the projection of known linear unknowns (Frisch and Waugh, 1933), variable projection for
-//! constants inside a law (Golub and Pereyra, 1973), units as types (dimensional analysis), and a
-//! choice by held-out error and number of unknowns, as in symbolic regression. What is particular
+//! The method joins the weak form of sparse identification (Messenger and Bortz, *Weak SINDy*,
+//! 2021) with the projection of known linear unknowns (Frisch and Waugh, 1933), variable projection
+//! for constants inside a law (Golub and Pereyra, 1973), units as types (dimensional analysis), and
+//! a choice by held-out error and number of unknowns, as in symbolic regression. What is particular
 //! here: a candidate is a force on a link of a body whose inertial parameters are unknown too, so
 //! that place and direction of the force are found from six rows of a floating base.
 

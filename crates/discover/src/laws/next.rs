@@ -1,5 +1,5 @@
-//! Which recording would tell two laws apart: both are evaluated on the flights turned, moved, faster
-//! and with more spin, and the change on which they differ most is named.
+//! Which recording would tell two laws apart: both are evaluated on the flights turned, moved,
+//! faster and with more spin, and the change on which they differ most is named.
 
 use super::atlas::PlaceFrames;
 use super::fit::Fitted;
@@ -99,8 +99,8 @@ const TOLD_APART: f64 = 2.0;
 /// A change is worth a recording if the laws differ by this factor more.
 const WORTH: f64 = 1.2;
 
-/// The recording on which a law and its rival differ most; `None` if they are told apart already, or
-/// no change tells more than the present flights.
+/// The recording on which a law and its rival differ most; `None` if they are told apart already,
+/// or no change tells more than the present flights.
 pub(crate) fn next_recording(session: &Session<'_>, law: &Fitted, rival: &Fitted) -> Option<NextRecording> {
     if rival.error() > TOLD_APART * TOLD_APART * law.error() {
         return None;

@@ -1,5 +1,5 @@
-//! The law for the best entries of the atlas: the simplest expression that is as good as the best, with
-//! a second factor where that removes more, or a free curve.
+//! The law for the best entries of the atlas: the simplest expression that is as good as the best,
+//! with a second factor where that removes more, or a free curve.
 
 use super::atlas::{Group, PlaceFrames, columns, range_of, stride};
 use super::evidence::Evidence;

@@ -26,8 +26,8 @@ pub struct Diagnosis {
     pub constant_ratio: Option<f64>,
     /// Probability that the dependence on the variable is chance.
     pub dependence_p: Option<f64>,
-    /// Strength (N, or N·m) over the variable, along the direction's first component with the largest
-    /// strength: pairs of the variable's value and the strength.
+    /// Strength (N, or N·m) over the variable, along the direction's first component with the
+    /// largest strength: pairs of the variable's value and the strength.
     pub curve: Vec<[f64; 2]>,
     /// In words.
     pub text: String,
@@ -76,8 +76,8 @@ pub struct FoundLaw {
     pub direction: Direction,
     /// Variables of its factors, as formulas name them.
     pub variables: Vec<String>,
-    /// Strength along the direction (N, or N·m) in the names of its unknowns and variables, one term
-    /// for each linear unknown of a component.
+    /// Strength along the direction (N, or N·m) in the names of its unknowns and variables, one
+    /// term for each linear unknown of a component.
     pub strength: String,
     /// Point on the link, link frame, m, with its standard errors; empty for a couple, the whole
     /// body, or the link's centre of mass.

@@ -59,8 +59,8 @@ pub(crate) struct Rivals {
     pub ratio: f64,
     /// Share that the best single effect leaves.
     pub single: f64,
-    /// Number of unknowns if the best effects are of several kinds: a single law with fewer unknowns
-    /// that leaves no more is simpler, if no single effect comes near it.
+    /// Number of unknowns if the best effects are of several kinds: a single law with fewer
+    /// unknowns that leaves no more is simpler, if no single effect comes near it.
     pub several: Option<usize>,
     /// Squared held-out error by cluster of named effects whose strength does not follow their law.
     pub doubted: Option<Vec<f64>>,

@@ -234,8 +234,8 @@ impl Shape {
         }
     }
 
-    /// Exponent of the variable's unit in each linear term; a power with a free exponent counts as a
-    /// pure number (see [`Shape::formulas`]).
+    /// Exponent of the variable's unit in each linear term; a power with a free exponent counts as
+    /// a pure number (see [`Shape::formulas`]).
     pub fn unit_powers(self) -> Vec<i32> {
         match self {
             Self::Linear | Self::DeadZone | Self::RampUp | Self::RampDown => vec![1],

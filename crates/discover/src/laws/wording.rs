@@ -57,7 +57,8 @@ fn action(a: Action) -> &'static str {
     }
 }
 
-/// "a force on `link1`, against the velocity, depending on the speed; it removes 64 % of the error".
+/// "a force on `link1`, against the velocity, depending on the speed; it removes 64 % of the
+/// error".
 pub(crate) fn diagnosis(scene: &Scene, d: &Diagnosis, variables: &[Variable]) -> String {
     let on = match variables {
         [] => "of constant size".to_owned(),

@@ -82,8 +82,8 @@ pub fn wind() {
     assert!(none.value <= SHARE * 0.02, "{none:?}");
 }
 
-/// Pressure on two plates in one wind; with a normal coefficient of 1.2 the areas found are 1.2 times
-/// the true ones. In the twin, plates in still air have no area.
+/// Pressure on two plates in one wind; with a normal coefficient of 1.2 the areas found are 1.2
+/// times the true ones. In the twin, plates in still air have no area.
 pub fn panels() {
     let hidden = json!({
         "effect": "panels", "wind_mps": [1.2, -0.7, 0.1], "normal_coefficient": 1.2,

@@ -29,7 +29,8 @@ pub fn filter() {
     recovers(&case, &of(&smooth, &motions(&smooth)), &of(lab, motions_of_twin));
 }
 
-/// All markers of the trunk slide forward as it bends: 20 mm at half a radian, in proportion to the sine of the angle.
+/// All markers of the trunk slide forward as it bends: 20 mm at half a radian, in proportion to the
+/// sine of the angle.
 pub fn soft_tissue() {
     let hidden = json!([{"effect": "soft_tissue", "link": "torso", "amplitude_m": 0.02, "along_bone": false}]);
     let slid = lab(&person(), &CAPTURE, SEED, &hidden);

@@ -127,8 +127,9 @@ fn compare(case: &Case<'_>, found: &[Estimate], truth: &[f64]) {
     }
 }
 
-/// Effects that act on robots with encoders only: columns are tested in `aloft-effects`, and an encoder
-/// with a wrong zero is found in the story of the robot. Laws of joints are found in stories, too.
+/// Effects that act on robots with encoders only: columns are tested in `aloft-effects`, and an
+/// encoder with a wrong zero is found in the story of the robot. Laws of joints are found in
+/// stories, too.
 const OF_ROBOTS: [&str; 2] = ["encoder_offset", "base_time_offset"];
 
 /// A new effect needs a case here, documentation under four headings, units, and bounds or a reason

@@ -110,8 +110,8 @@ pub fn body_mass() {
     recovers(&Case { key: "plate_gain", truth: &[EXCESS], ..Case::default() }, &heavy, &twin);
 }
 
-/// Contact alone, with a stated mass that is far too high and a plate that reads too little: a wrong
-/// mass and a gain would together scale both sides of every row to zero.
+/// Contact alone, with a stated mass that is far too high and a plate that reads too little: a
+/// wrong mass and a gain would together scale both sides of every row to zero.
 #[test]
 fn without_flights_only_errors_of_the_plates_are_candidates() {
     let mut heavy =

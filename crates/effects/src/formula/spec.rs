@@ -4,7 +4,8 @@ use crate::{ActsIn, EffectKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// An effect as a user writes it: one law at the top level, or several under `parts` that share the unknowns.
+/// An effect as a user writes it: one law at the top level, or several under `parts` that share the
+/// unknowns.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FormulaEffect {
@@ -75,8 +76,8 @@ pub struct FormulaPart {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FormulaPoint {
-    /// Name of the link; `body` for the centre of mass of the whole body; `all` for every link, each
-    /// at its own point.
+    /// Name of the link; `body` for the centre of mass of the whole body; `all` for every link,
+    /// each at its own point.
     pub link: String,
     /// Place in its frame, m; the link's centre of mass when absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -188,7 +188,8 @@ fn columns_are_finite_and_act_where_they_say() {
     }
 }
 
-/// Laws of joints give a torque for each coefficient, finite, as long as the motion, and nowhere a wrench.
+/// Laws of joints give a torque for each coefficient, finite, as long as the motion, and nowhere a
+/// wrench.
 #[test]
 fn laws_of_joints_have_torques_and_no_wrench() {
     let fixture = Fixture::new(true);

@@ -50,8 +50,8 @@ fn a_displaced_joint_changes_the_wrench_as_its_columns_say() {
     });
 }
 
-/// The motion is recorded with a wrong zero of the encoder, and with the base ahead of the joints: what inverse dynamics of the
-/// whole tree changes by is the column.
+/// The motion is recorded with a wrong zero of the encoder, and with the base ahead of the joints:
+/// what inverse dynamics of the whole tree changes by is the column.
 #[test]
 fn a_wrong_encoder_and_a_wrong_clock_change_the_wrench_as_their_columns_say() {
     let fixture = Fixture::new(true);
@@ -97,7 +97,8 @@ fn a_wrong_encoder_and_a_wrong_clock_change_the_wrench_as_their_columns_say() {
     });
 }
 
-/// Columns follow the nonlinear parameters smoothly: one-sided differences of two sizes agree, for every effect, target and parameter.
+/// Columns follow the nonlinear parameters smoothly: one-sided differences of two sizes agree, for
+/// every effect, target and parameter.
 #[test]
 fn columns_change_with_their_parameters_as_differences_say() {
     let fixture = Fixture::new(true);

@@ -25,8 +25,9 @@ pub enum Convention {
     /// hand whose markers determine only pronation can be fixed in the other two.
     #[default]
     Model,
-    /// Recommendations of the International Society of Biomechanics: Wu et al. 2002 (hip, ankle, spine: z-x-y; knee: flexion about the
-    /// hinge) and Wu et al. 2005 (shoulder: Y-X-Y, plane of elevation, elevation, axial rotation; wrist: z-x-y).
+    /// Recommendations of the International Society of Biomechanics: Wu et al. 2002 (hip, ankle,
+    /// spine: z-x-y; knee: flexion about the hinge) and Wu et al. 2005 (shoulder: Y-X-Y, plane of
+    /// elevation, elevation, axial rotation; wrist: z-x-y).
     Isb,
 }
 
@@ -90,7 +91,8 @@ pub struct Coordinates {
     pub list: Vec<Coordinate>,
 }
 
-/// Coordinates over time, SI (rad, m), frame by frame: `values[frame * n + coordinate]`; NaN where missing.
+/// Coordinates over time, SI (rad, m), frame by frame: `values[frame * n + coordinate]`; NaN where
+/// missing.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct CoordinateSeries {
     /// Number of coordinates per frame.

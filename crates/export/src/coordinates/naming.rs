@@ -1,7 +1,8 @@
 //! Names, axes, order of rotations and positive senses of the coordinates of each joint.
 //!
-//! Link frames of people follow the ISB on both sides: x forward, y up (proximal), z to the right. Left-hand coordinates about x and y
-//! are mirrored, so that adduction, inversion and internal rotation are positive on both sides.
+//! Link frames of people follow the ISB on both sides: x forward, y up (proximal), z to the right.
+//! Left-hand coordinates about x and y are mirrored, so that adduction, inversion and internal
+//! rotation are positive on both sides.
 
 use super::{Convention, Sequence};
 use aloft_body::{JointKind, Link};

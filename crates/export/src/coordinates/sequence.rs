@@ -116,7 +116,8 @@ impl Sequence {
         Matrix3::from_columns(&[last * t(1) * self.axis(0), last * self.axis(1), self.axis(2)])
     }
 
-    /// Rates and accelerations (rad/s, rad/s²) from angular velocity and acceleration in the axes of the moving link; NaN in gimbal lock.
+    /// Rates and accelerations (rad/s, rad/s²) from angular velocity and acceleration in the axes
+    /// of the moving link; NaN in gimbal lock.
     pub fn rates(&self, angles: &[f64; 3], omega: &Vector3<f64>, alpha: &Vector3<f64>) -> ([f64; 3], [f64; 3]) {
         let j = self.velocity_matrix(angles);
         let Some(inverse) = (self.regularity(angles) > SINGULAR).then(|| j.try_inverse()).flatten() else {
@@ -228,7 +229,8 @@ mod tests {
 
     #[test]
     fn validate_isb_shoulder_against_words() {
-        // Wu et al. 2005: 0° is abduction, 90° forward flexion; elevation is negative; at rest the arm hangs along −y.
+        // Wu et al. 2005: 0° is abduction, 90° forward flexion; elevation is negative; at rest the
+        // arm hangs along −y.
         let s = Sequence { negative_middle: true, ..Sequence::new([1, 0, 1], [1.0; 3]) };
         let arm = |plane: f64, elevation: f64| s.matrix(&[plane, elevation, 0.0]) * -Vector3::y();
         assert!((arm(0.0, -PI / 2.0) - Vector3::z()).norm() < 1e-12, "abduction points to the right");

@@ -1,5 +1,7 @@
-//! BIDS-Motion, as a derived data set: `BIDS/sub-…/motion/sub-…_task-…_tracksys-optical_…_motion.tsv` without header, its columns named in
-//! `_channels.tsv`, rates and counts in `_motion.json`, flights and the recording's own events in `_events.tsv`.
+//! BIDS-Motion, as a derived data set:
+//! `BIDS/sub-…/motion/sub-…_task-…_tracksys-optical_…_motion.tsv` without header, its columns named
+//! in `_channels.tsv`, rates and counts in `_motion.json`, flights and the recording's own events
+//! in `_events.tsv`.
 //!
 //! Trailing digits of a trial's name become the run (`jump01`: task jump, run 01). BIDS labels
 //! contain only letters and digits; characters dropped from a name are encoded after `desc-aloft`

@@ -1,4 +1,5 @@
-//! MJCF: the model for MuJoCo, Z up. Free root, ball joints, hinges; `qpos` holds quaternions as w x y z.
+//! MJCF: the model for MuJoCo, Z up. Free root, ball joints, hinges; `qpos` holds quaternions as w
+//! x y z.
 //!
 //! MuJoCo's root velocity is linear in the world and angular in body axes; a ball's is in axes of
 //! the moving body. Each body has the ellipsoid of uniform density with its mass properties (for
@@ -49,7 +50,8 @@ fn write(subject: &SubjectExport) -> Result<Vec<OutFile>, ExportError> {
     Ok(vec![OutFile { path: format!("Models/{}.xml", subject.id), bytes, what }])
 }
 
-/// MuJoCo's `qpos` of a posture: joint by joint in link order (free: x y z and quaternion w x y z; ball: quaternion w x y z; hinge, slide: one number).
+/// MuJoCo's `qpos` of a posture: joint by joint in link order (free: x y z and quaternion w x y z;
+/// ball: quaternion w x y z; hinge, slide: one number).
 fn qpos(subject: &SubjectExport, q: &[f64]) -> Vec<f64> {
     let model = &subject.subject.model;
     let mut state = State::new(model);

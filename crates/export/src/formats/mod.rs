@@ -15,7 +15,8 @@ pub mod urdf;
 use crate::ExportError;
 use crate::format::Format;
 
-/// Every format, in the order of the README. Help, README table and conformance tests are made from this slice.
+/// Every format, in the order of the README. Help, README table and conformance tests are made from
+/// this slice.
 pub static FORMATS: &[&Format] = &[
     &osim::FORMAT,
     &urdf::FORMAT,

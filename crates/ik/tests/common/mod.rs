@@ -31,7 +31,8 @@ fn subject(name: &str, spec: &ModelSpec, markers: Vec<ModelMarker>) -> Subject {
     }
 }
 
-/// The 34-joint-coordinate person with 35 markers; the resting posture has slightly bent elbows and knees.
+/// The 34-joint-coordinate person with 35 markers; the resting posture has slightly bent elbows and
+/// knees.
 pub fn person() -> Subject {
     let text = include_str!("../data/human34.json");
     let data: serde_json::Value = serde_json::from_str(text).unwrap();

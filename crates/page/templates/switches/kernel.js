@@ -1,5 +1,5 @@
-// The model with any choice of effects, computed in the page. `switch_kernel.rs` and `rotated.rs` say what the numbers are;
-// a test compares what is computed here with what the program computes.
+// The model with any choice of effects, computed in the page. `switch_kernel.rs` and `rotated.rs`
+// say what the numbers are; a test compares what is computed here with what the program computes.
 const Kernel = (() => {
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   // a packed matrix as a list of columns (`pack::matrix`)
@@ -59,8 +59,9 @@ const Kernel = (() => {
     return c.map((x) => x.slice(0, kept));
   };
 
-  // Variance of a row: restricted maximum likelihood, as `System::row_variance`. For each trial variance the rows are weighed
-  // by it, and the effects' columns made orthonormal in `q`; what they leave of b is in `rest`.
+  // Variance of a row: restricted maximum likelihood, as `System::row_variance`. For each trial
+  // variance the rows are weighed by it, and the effects' columns made orthonormal in `q`; what
+  // they leave of b is in `rest`.
   const variance = (rows, effects, b, d) => {
     const s2 = rows.singular.map((s) => s * s), plain = project(orthogonal(effects), b), m = b.length, k = effects.length;
     const total = Math.max(dot(plain.rest, plain.rest), Number.MIN_VALUE), n = rows.n_rows;

@@ -1,5 +1,6 @@
-// The panel of switches: a choice of effects, the number that follows it, sizes and parameters. Where the numbers come from
-// is the business of a source: the program behind a live page, or the page itself.
+// The panel of switches: a choice of effects, the number that follows it, sizes and parameters.
+// Where the numbers come from is the business of a source: the program behind a live page, or the
+// page itself.
 const Studio = (() => {
   const { make } = Numbers;
   const at = (id) => document.getElementById("studio-" + id);

@@ -1,7 +1,8 @@
-//! `calibrate`: joint centres, hinge axes and marker places refined over the dynamic trials, on markers alone.
+//! `calibrate`: joint centres, hinge axes and marker places refined over the dynamic trials, on
+//! markers alone.
 //!
-//! Recordings held out for comparison take no part, unless `calibrate: {validation: true}` brings them back: their markers would shape the
-//! geometry that they are meant to judge.
+//! Recordings held out for comparison take no part, unless `calibrate: {validation: true}` brings
+//! them back: their markers would shape the geometry that they are meant to judge.
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::stages::object::may_teach;

@@ -208,7 +208,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let results = inputs.results;
     let subject = results.load_subject("calibrate")?;
     let base = BaseParameters::of(&subject.model);
-    // a trial whose motion could not be filtered has weak rows, but nothing to compare frame by frame
+    // a trial whose motion could not be filtered has weak rows, but nothing to compare frame by
+    // frame
     let filtered = inputs.trials_of("filter");
     let names: Vec<String> = inputs.trials_of("regressor").into_iter().filter(|n| filtered.contains(n)).collect();
     let chosen = params.regressor.rows;
@@ -285,8 +286,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         floor,
     )?;
     if !subject.is_judged() {
-        // the difference is mostly the motion of parts that no marker shows, or where software misses
-        // the joints: where it sits and with what it grows says nothing about the links
+        // the difference is mostly the motion of parts that no marker shows, or where software
+        // misses the joints: where it sits and with what it grows says nothing about the links
         (comparison.words, comparison.worst) = (Vec::new(), Vec::new());
         (comparison.first.segments, comparison.first.breakdown) = (Vec::new(), Vec::new());
         done.note("judged", false);

@@ -1,4 +1,5 @@
-//! `filter`: joint coordinates through the zero-phase low-pass, with velocities and accelerations on the manifold.
+//! `filter`: joint coordinates through the zero-phase low-pass, with velocities and accelerations
+//! on the manifold.
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use aloft_filter::smooth;

@@ -1,4 +1,5 @@
-//! `flight`: the intervals in which nothing touches the body, and what the plates read when nothing stands on them.
+//! `flight`: the intervals in which nothing touches the body, and what the plates read when nothing
+//! stands on them.
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::stages::robot::CONTACT;
@@ -65,7 +66,8 @@ impl StageWork for Work {
 const PERSON_RATIO_SD: f64 = 0.01;
 const RIGID_RATIO_SD: f64 = 0.003;
 
-/// Mean vertical acceleration of the centre of mass in flight over −g, minus one, percent; none without flights or gravity.
+/// Mean vertical acceleration of the centre of mass in flight over −g, minus one, percent; none
+/// without flights or gravity.
 pub fn gravity_error_percent(report: &FlightReport, gravity_mps2: f64) -> Option<f64> {
     let used: Vec<(f64, f64)> = report
         .flights
@@ -184,8 +186,8 @@ fn contact_sensors(inputs: &StageInputs<'_>, name: &str) -> Result<Vec<ContactSe
     Ok(columns.into_iter().map(of).collect())
 }
 
-/// Stretches between loads of the plates in which the markers fall, for the plates' tare: all that a
-/// model says that is not the whole body. Its centre of mass is not the body's, so that neither
+/// Stretches between loads of the plates in which the markers fall, for the plates' tare: all that
+/// a model says that is not the whole body. Its centre of mass is not the body's, so that neither
 /// flights without plates nor free fall can be judged.
 fn unloaded_only(trial: &Trial, motion: &Motion, options: &FlightOptions) -> Result<FlightReport, FlightError> {
     if trial.plates.is_empty() {

@@ -1,4 +1,5 @@
-//! `identify`: base parameters from the factors of all flights, with weak rows and with the paper's beside them.
+//! `identify`: base parameters from the factors of all flights, with weak rows and with the paper's
+//! beside them.
 
 use crate::factors::{load_factors, load_slides, row_kind};
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
@@ -278,8 +279,9 @@ impl Predicting {
 /// File with the reason why a session identifies nothing, beside which there are no parameters.
 pub const NOTHING_IDENTIFIED: &str = "nothing_identified.json";
 
-/// Why these recordings identify nothing although every stage before succeeded: the model is not the
-/// whole body, its points are estimates, or nothing in them is a flight. The table's body is then compared with the plates.
+/// Why these recordings identify nothing although every stage before succeeded: the model is not
+/// the whole body, its points are estimates, or nothing in them is a flight. The table's body is
+/// then compared with the plates.
 fn nothing_to_identify(
     params: &Params,
     inputs: &StageInputs<'_>,

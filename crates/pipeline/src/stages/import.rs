@@ -1,4 +1,5 @@
-//! `import`: one recording to a [`Trial`] in SI and the world frame, labels canonical, short gaps filled, artefacts found.
+//! `import`: one recording to a [`Trial`] in SI and the world frame, labels canonical, short gaps
+//! filled, artefacts found.
 
 use crate::graph::{Need, Recording, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::recording::{abridged, read_recording};

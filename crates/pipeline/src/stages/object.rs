@@ -1,4 +1,5 @@
-//! What `scale` and `calibrate` do for objects: link frames as markers define them, joints found from motion.
+//! What `scale` and `calibrate` do for objects: link frames as markers define them, joints found
+//! from motion.
 
 use crate::graph::{StageInputs, StageReport};
 use crate::stages::shared::save_subject;

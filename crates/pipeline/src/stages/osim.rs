@@ -1,5 +1,5 @@
-//! What `scale`, `calibrate` and `ik` do for an OpenSim model: the file in place of landmarks, nothing refined, inverse
-//! kinematics in the file's own coordinates.
+//! What `scale`, `calibrate` and `ik` do for an OpenSim model: the file in place of landmarks,
+//! nothing refined, inverse kinematics in the file's own coordinates.
 
 use crate::graph::{StageInputs, StageReport};
 use crate::stages::shared::fit_options;

@@ -1,5 +1,5 @@
-//! What `import`, `scale` and `ik` do for robots: logs in place of markers, a model file in place of landmarks, sensors combined
-//! in place of inverse kinematics.
+//! What `import`, `scale` and `ik` do for robots: logs in place of markers, a model file in place
+//! of landmarks, sensors combined in place of inverse kinematics.
 
 use crate::graph::{Recording, StageInputs, StageReport};
 use crate::recording::read_recording;
@@ -62,7 +62,8 @@ pub struct Logged {
     pub remarks: Vec<String>,
 }
 
-/// Reads a log with the recording of its base: a table beside it, poses in it, or markers on the base.
+/// Reads a log with the recording of its base: a table beside it, poses in it, or markers on the
+/// base.
 pub fn read(robot: &RobotSetup, import: &ImportConfig, recording: &Recording) -> Result<Logged, StageFailure> {
     let (log, poses) = if recording.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
         let shown = recording.file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
@@ -91,7 +92,8 @@ pub fn read(robot: &RobotSetup, import: &ImportConfig, recording: &Recording) ->
     Ok(Logged { log, base, markers, remarks })
 }
 
-/// The base from the markers beside a log; the clock of the file starts with that of the log until the offset is known.
+/// The base from the markers beside a log; the clock of the file starts with that of the log until
+/// the offset is known.
 fn from_markers(
     robot: &RobotSetup,
     import: &ImportConfig,

@@ -1,5 +1,5 @@
-//! What `regressor` and `identify` do with the torques in a robot's log: rows of the joints, and friction, reflected inertia and
-//! gains from them.
+//! What `regressor` and `identify` do with the torques in a robot's log: rows of the joints, and
+//! friction, reflected inertia and gains from them.
 
 use crate::factors::{load_named, save_named};
 use crate::graph::{StageInputs, StageReport};
@@ -35,8 +35,8 @@ pub(crate) fn laws_of_joints<'k>(
     Ok(all.into_iter().filter(|c| c.effect.acts().in_joints()).collect())
 }
 
-/// Effects of the base rows as changes of the body's parameters, each with its name; none if one of them is a force from
-/// outside, of which the rows of joints do not know where it enters.
+/// Effects of the base rows as changes of the body's parameters, each with its name; none if one of
+/// them is a force from outside, of which the rows of joints do not know where it enters.
 pub(crate) fn carried(
     rows: &TrialRows,
     columns: Option<&EffectColumns>,
@@ -52,8 +52,8 @@ pub(crate) fn carried(
     columns.names.iter().enumerate().map(one).collect()
 }
 
-/// Rows of the joints' torques in the flights of a recording; notes their number. Without torques, and with torques of
-/// another unit or sign, nothing is written.
+/// Rows of the joints' torques in the flights of a recording; notes their number. Without torques,
+/// and with torques of another unit or sign, nothing is written.
 pub fn save_torque_rows(
     robot: &RobotSetup,
     inputs: &StageInputs<'_>,

@@ -5,7 +5,8 @@ use aloft_body::inertia::steiner;
 use aloft_body::{JointKind, Model, Phi, State};
 use nalgebra::{DMatrix, Quaternion, Vector3};
 
-/// Least-squares inverse kinematics to first order, for all realisations at once: `(JᵀJ + ε) f = Jᵀ s`.
+/// Least-squares inverse kinematics to first order, for all realisations at once: `(JᵀJ + ε) f = Jᵀ
+/// s`.
 ///
 /// A marker counts as a unit mass for `JᵀJ`, which is then the joint-space inertia matrix, and as a
 /// force on its link for `Jᵀ s`. Both are computed along the tree, without the Jacobian of each

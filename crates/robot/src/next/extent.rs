@@ -1,10 +1,11 @@
 //! Where links are, as spheres: a check that a planned motion keeps links apart.
 //!
-//! A link with collision geometry (boxes, spheres, cylinders, capsules, ellipsoids) has the spheres that enclose it. The spheres of
-//! any other link are strung from its origin to the origins of its children, or, at the end of a
-//! limb, to twice the distance of its centre of mass. Their radius is that of a homogeneous cylinder with
-//! the link's mass and smallest moment of inertia (`r² = 2 I/m`). This is rough. A pair of links is
-//! therefore judged by comparison: it may come as close as the margin, or as close as it came in the recordings.
+//! A link with collision geometry (boxes, spheres, cylinders, capsules, ellipsoids) has the spheres
+//! that enclose it. The spheres of any other link are strung from its origin to the origins of its
+//! children, or, at the end of a limb, to twice the distance of its centre of mass. Their radius is
+//! that of a homogeneous cylinder with the link's mass and smallest moment of inertia (`r² = 2
+//! I/m`). This is rough. A pair of links is therefore judged by comparison: it may come as close as
+//! the margin, or as close as it came in the recordings.
 
 use crate::LinkSpheres;
 use aloft_body::{LinkInertia, Model, State};
@@ -24,7 +25,8 @@ pub struct Extents {
 const MOST: usize = 8;
 
 impl Extents {
-    /// Spheres of a model's links, with a smallest distance of `margin_m` between links that no joint connects.
+    /// Spheres of a model's links, with a smallest distance of `margin_m` between links that no
+    /// joint connects.
     pub fn of(model: &Model, links: &[LinkInertia], collision: &[LinkSpheres], margin_m: f64) -> Self {
         let mut spheres = Vec::new();
         for (i, inertia) in links.iter().enumerate() {

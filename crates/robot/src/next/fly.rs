@@ -1,5 +1,5 @@
-//! Free flight of a robot whose joints follow given trajectories: the base follows from zero external
-//! wrench, which means a centre of mass that falls and an angular momentum that stays.
+//! Free flight of a robot whose joints follow given trajectories: the base follows from zero
+//! external wrench, which means a centre of mass that falls and an angular momentum that stays.
 
 use aloft_body::inertia::{first_moment, inertia_about_origin};
 use aloft_body::{JointKind, Model, Motion, Phi, State};
@@ -18,7 +18,8 @@ pub struct Release {
     pub turn_rad_s: Vector3<f64>,
 }
 
-/// What the joints' motion means for the whole body with the base's origin at rest at the world's origin.
+/// What the joints' motion means for the whole body with the base's origin at rest at the world's
+/// origin.
 struct Whole {
     mass: f64,
     centre: Vector3<f64>,
@@ -69,15 +70,18 @@ impl Body<'_> {
                 r * own * r.transpose() + Matrix3::identity() * (2.0 * away.dot(&s)) - cross - cross.transpose()
                     + (Matrix3::identity() * away.norm_squared() - away * away.transpose()) * phi[0];
         }
-        // momentum of the joints' motion alone moves the centre of mass; about that centre it counts without it
+        // momentum of the joints' motion alone moves the centre of mass; about that centre it
+        // counts without it
         out
     }
 }
 
-/// Flies for `frames` frames at `rate_hz`, each of them in `substeps` steps of the midpoint rule; coordinates and
-/// velocities. `joints` gives coordinates and rates of the joints with one coordinate, in the order of the model.
+/// Flies for `frames` frames at `rate_hz`, each of them in `substeps` steps of the midpoint rule;
+/// coordinates and velocities. `joints` gives coordinates and rates of the joints with one
+/// coordinate, in the order of the model.
 ///
-/// Equation: `ω = I_c⁻¹ (L − L_joints)` about the centre of mass, with the angular momentum L at release.
+/// Equation: `ω = I_c⁻¹ (L − L_joints)` about the centre of mass, with the angular momentum L at
+/// release.
 ///
 /// # Panics
 /// If `phi` has another length than the model has links, or `joints` gives too few values.

@@ -35,9 +35,10 @@ const RANGE_MARGIN: f64 = 0.05;
 impl JointLimits {
     /// Limits of all joints, and in words which of them are not stated.
     ///
-    /// Stated limits count with `share` of rate and effort, and with a twentieth of the range left at both ends. A rate is
-    /// at most `faster` times the largest in the recordings, whatever is stated. What is not stated is taken from the
-    /// recordings: the range and the effort as seen. A joint that hardly moved there may be as fast as the middle one of its kind.
+    /// Stated limits count with `share` of rate and effort, and with a twentieth of the range left
+    /// at both ends. A rate is at most `faster` times the largest in the recordings, whatever is
+    /// stated. What is not stated is taken from the recordings: the range and the effort as seen. A
+    /// joint that hardly moved there may be as fast as the middle one of its kind.
     pub fn of(robot: &RobotModel, seen: &[Seen], share: f64, faster: f64) -> (Vec<Self>, Vec<String>) {
         let (mut unranged, mut unrated, mut weak, mut unknown) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let usual = |prismatic: bool| {

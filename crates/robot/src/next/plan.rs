@@ -58,7 +58,8 @@ pub struct PlannedFlight {
     pub fastest: (String, f64),
     /// Joint that comes nearest to its largest torque, and the share of the limit that it uses.
     pub effort: Option<(String, f64)>,
-    /// Parameters that this flight improves most: name, expected standard error before and after it.
+    /// Parameters that this flight improves most: name, expected standard error before and after
+    /// it.
     pub shows: Vec<(String, f64, f64)>,
     /// The joints' trajectories.
     pub wave: Wave,
@@ -84,14 +85,15 @@ pub struct Expected {
 pub struct NextFlights {
     /// The flights, in the order of planning.
     pub flights: Vec<PlannedFlight>,
-    /// Every parameter but the mass; first the worst quarter (least known, measured by the prior's spread), in each part
-    /// those that gain most first.
+    /// Every parameter but the mass; first the worst quarter (least known, measured by the prior's
+    /// spread), in each part those that gain most first.
     pub parameters: Vec<Expected>,
     /// Number of parameters in the worst quarter.
     pub worst: usize,
     /// The recorded flight whose repetition would help most.
     pub repeated: String,
-    /// Share of the prior's variance that is left: after the recordings, after the repetition, after the plan.
+    /// Share of the prior's variance that is left: after the recordings, after the repetition,
+    /// after the plan.
     pub left: [f64; 3],
     /// Remarks: limits that are not stated.
     pub notes: Vec<String>,
@@ -202,7 +204,8 @@ fn fastest_rate(wave: &Wave, joint: usize) -> f64 {
 }
 
 impl Wave {
-    /// The trajectories as CSV: `time_s` from release, and a column for each joint named as in logs.
+    /// The trajectories as CSV: `time_s` from release, and a column for each joint named as in
+    /// logs.
     pub fn csv(&self, robot: &RobotModel, rate_hz: f64) -> String {
         let unit = |prismatic: bool| if prismatic { "m" } else { "rad" };
         let names: Vec<String> = robot.joints.iter().map(|j| format!("q_{}_{}", j.name, unit(j.prismatic))).collect();

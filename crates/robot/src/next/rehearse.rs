@@ -1,9 +1,9 @@
 //! Recordings of planned flights as a robot with known parameters would log them.
 //!
 //! The robot is held, let go with the planned turn, flies, is caught, and held again, once for each
-//! flight. Encoders have steps, gyroscope, accelerometer, torques and poses noise, and the poses a clock
-//! of their own. With other parameters than those a plan was made with, the recordings show whether the
-//! plan keeps what it promises.
+//! flight. Encoders have steps, gyroscope, accelerometer, torques and poses noise, and the poses a
+//! clock of their own. With other parameters than those a plan was made with, the recordings show
+//! whether the plan keeps what it promises.
 
 use crate::RobotModel;
 use crate::description::{Imu, SensorNoise};
@@ -46,7 +46,8 @@ const HELD_S: f64 = 0.4;
 const PUSHED_S: f64 = 0.3;
 const CAUGHT_S: f64 = 0.3;
 
-/// The base over time: position and velocity in the world, rotation, angular velocity in its own axes; and the joints.
+/// The base over time: position and velocity in the world, rotation, angular velocity in its own
+/// axes; and the joints.
 #[derive(Default)]
 struct Path {
     position: Vec<Vector3<f64>>,
@@ -82,7 +83,8 @@ impl Path {
 }
 
 impl Rehearsal<'_> {
-    /// Log and poses of flights with the given turns at release, one after the other, and when they began and ended (s).
+    /// Log and poses of flights with the given turns at release, one after the other, and when they
+    /// began and ended (s).
     pub fn record(&self, flights: &[(Wave, Vector3<f64>)], seed: u64) -> (RobotLog, BaseLog, Vec<(f64, f64)>) {
         let fine_hz = self.rate_hz * FINE as f64;
         let mut path = Path::default();

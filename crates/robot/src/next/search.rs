@@ -1,8 +1,8 @@
 //! The search for one flight: which splines and which turn at release.
 //!
 //! An evolution strategy (one parent, many children, the step adapted by success; Schwefel,
-//! *Evolution and Optimum Seeking*, 1995) from the best of random starts. Random numbers are seeded and
-//! children are compared in order, so that the result does not depend on the number of threads.
+//! *Evolution and Optimum Seeking*, 1995) from the best of random starts. Random numbers are seeded
+//! and children are compared in order, so that the result does not depend on the number of threads.
 
 use crate::RobotModel;
 use crate::next::extent::Extents;
@@ -70,7 +70,8 @@ pub(crate) struct Robot<'a> {
 pub struct FrameErrors<'a> {
     /// Deviation of each velocity's direction, nv.
     pub sd: &'a [f64],
-    /// Slow part, as a multiple of the deviations, and its time constant (s): see [`aloft_regressor::Noise`].
+    /// Slow part, as a multiple of the deviations, and its time constant (s): see
+    /// [`aloft_regressor::Noise`].
     pub slow: f64,
     /// Time constant, s.
     pub slow_time_s: f64,
@@ -86,7 +87,8 @@ pub(crate) struct Tried {
 }
 
 impl Robot<'_> {
-    /// The flight at a rate; only where positions are asked for with little error are substeps needed.
+    /// The flight at a rate; only where positions are asked for with little error are substeps
+    /// needed.
     pub fn motion(&self, wave: &Wave, turn: &Vector3<f64>, rate_hz: f64, substeps: usize) -> Motion {
         let frames = (wave.duration_s * rate_hz).round() as usize + 1;
         let up = -self.model.gravity_mps2 * (0.5 * wave.duration_s);
@@ -103,7 +105,8 @@ impl Robot<'_> {
     pub fn rows(&self, motion: &Motion) -> Result<Factor, RegressorError> {
         let edge = (EDGE_S * motion.rate_hz).round() as usize;
         let stretch = Stretch::flight("planned", 0, edge, motion.n_frames().saturating_sub(edge));
-        // fewer frames, each as good as all those that it stands for; errors that stay are not averaged
+        // fewer frames, each as good as all those that it stands for; errors that stay are not
+        // averaged
         let fewer = (motion.rate_hz / self.rate_hz).sqrt();
         let sd: Option<Vec<f64>> = self.noise.map(|n| n.sd.iter().map(|s| s * fewer).collect());
         let noise = self.noise.zip(sd.as_ref()).map(|(n, sd)| Noise {
@@ -114,7 +117,8 @@ impl Robot<'_> {
         weak_factor(self.model, self.base, self.prior, motion, &stretch, Acting::nothing(), &self.weak, noise.as_ref())
     }
 
-    /// Largest share of an effort's limit over a flight, with its joint: inverse dynamics, reflected inertia and friction.
+    /// Largest share of an effort's limit over a flight, with its joint: inverse dynamics,
+    /// reflected inertia and friction.
     pub fn effort(&self, motion: &Motion, limits: &[JointLimits]) -> Option<(usize, f64)> {
         let (nv, n) = (motion.nv, motion.n_frames());
         let mut state = State::new(self.model);
@@ -170,7 +174,8 @@ impl Space<'_> {
         self.hold.len() * self.options.control + 3
     }
 
-    /// The flight that a vector of numbers from −1 to 1 stands for, before torques and distances are checked.
+    /// The flight that a vector of numbers from −1 to 1 stands for, before torques and distances
+    /// are checked.
     fn decode(&self, x: &[f64]) -> (Wave, Vector3<f64>) {
         let k = self.options.control;
         let control = self
@@ -196,7 +201,8 @@ impl Space<'_> {
         (wave, turn / turn.norm().max(1.0) * self.options.turn_rad_s)
     }
 
-    /// The flight made small enough for torques and distances, with its motion; none if that does not help.
+    /// The flight made small enough for torques and distances, with its motion; none if that does
+    /// not help.
     fn within(&self, robot: &Robot<'_>, x: &[f64]) -> Option<(Tried, Motion)> {
         let (mut wave, turn) = self.decode(x);
         for _ in 0..SMALLER {

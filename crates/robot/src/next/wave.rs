@@ -4,10 +4,11 @@ use serde::{Deserialize, Serialize};
 
 /// Joints that leave a posture, move, and come back to it.
 ///
-/// Joint j is at `hold[j] + Σ_k control[j][k] B(t/Δ − k)` with the cardinal quintic B-spline B (support
-/// 0 to 6). The splines are non-negative and add up to at most 1, so that a coordinate stays between
-/// the posture and its control values, and its rate below the largest step of neighbouring ones
-/// divided by Δ. Position, rate and the next three derivatives are continuous, and at rest at both ends.
+/// Joint j is at `hold[j] + Σ_k control[j][k] B(t/Δ − k)` with the cardinal quintic B-spline B
+/// (support 0 to 6). The splines are non-negative and add up to at most 1, so that a coordinate
+/// stays between the posture and its control values, and its rate below the largest step of
+/// neighbouring ones divided by Δ. Position, rate and the next three derivatives are continuous,
+/// and at rest at both ends.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Wave {
     /// Posture before and after, rad or m, one value a joint.
@@ -56,7 +57,8 @@ impl Wave {
         (q, dq)
     }
 
-    /// Bound of a joint's rate: the largest step of neighbouring control values over Δ, rad/s or m/s.
+    /// Bound of a joint's rate: the largest step of neighbouring control values over Δ, rad/s or
+    /// m/s.
     pub fn rate_bound(&self, joint: usize) -> f64 {
         let c = &self.control[joint];
         let ends = [c.first(), c.last()].into_iter().flatten().map(|x| x.abs());

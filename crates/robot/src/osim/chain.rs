@@ -1,4 +1,5 @@
-//! Poses of the bodies as functions of the file's coordinates, and what each coordinate turns and moves.
+//! Poses of the bodies as functions of the file's coordinates, and what each coordinate turns and
+//! moves.
 
 use super::model::{Axis, Joint, OsimModel};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};

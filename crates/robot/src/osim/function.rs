@@ -95,8 +95,8 @@ impl Function {
     }
 }
 
-/// SIMM's cubic spline: interpolating, its third derivative at the ends that of the cubic through the
-/// four points there (Forsythe, Malcolm and Moler 1977, *Computer Methods for Mathematical
+/// SIMM's cubic spline: interpolating, its third derivative at the ends that of the cubic through
+/// the four points there (Forsythe, Malcolm and Moler 1977, *Computer Methods for Mathematical
 /// Computations*, `SPLINE`); straight beyond its ends.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Spline {

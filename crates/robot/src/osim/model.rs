@@ -86,7 +86,8 @@ pub struct OsimModel {
     pub inertias: Vec<LinkInertia>,
     /// Markers on bodies.
     pub markers: Vec<OsimMarker>,
-    /// Coordinates that a motion has to state, with true for those that tables in degrees hold in degrees.
+    /// Coordinates that a motion has to state, with true for those that tables in degrees hold in
+    /// degrees.
     pub coordinates: Vec<(String, bool)>,
     /// Markers on frames that are no bodies: not used.
     pub unplaced_markers: Vec<String>,
@@ -102,8 +103,8 @@ impl OsimModel {
     /// Reads a model.
     ///
     /// # Errors
-    /// [`RobotError::Model`] for text that is not an OpenSim 4 model, and for a model with parts that
-    /// are not supported; the message names them all.
+    /// [`RobotError::Model`] for text that is not an OpenSim 4 model, and for a model with parts
+    /// that are not supported; the message names them all.
     pub fn parse(file: &str, content: &str) -> Result<Self, RobotError> {
         let document = crate::model::parse(file, content)?;
         let root = document.root_element();
@@ -185,15 +186,16 @@ impl OsimModel {
         &self.joints[marker.joint].child
     }
 
-    /// Values of all coordinates (rad, m) from values by name; those not given are at their defaults.
+    /// Values of all coordinates (rad, m) from values by name; those not given are at their
+    /// defaults.
     pub fn values(&self, given: &BTreeMap<String, f64>) -> Vec<f64> {
         let mut values: Vec<f64> = self.all.iter().map(|c| given.get(&c.name).copied().unwrap_or(c.default)).collect();
         self.couple(&mut values);
         values
     }
 
-    /// `q` of the exact tree for coordinates by name (rad, m); those not given are at their defaults
-    /// or follow from the couplings. `world_from_ground` turns the file's world into ours.
+    /// `q` of the exact tree for coordinates by name (rad, m); those not given are at their
+    /// defaults or follow from the couplings. `world_from_ground` turns the file's world into ours.
     pub fn posture(&self, given: &BTreeMap<String, f64>, world_from_ground: &UnitQuaternion<f64>) -> Vec<f64> {
         self.exact_posture(&self.values(given), world_from_ground)
     }

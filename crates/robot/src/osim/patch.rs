@@ -1,5 +1,5 @@
-//! Identified inertias back into the text of an OpenSim model. Only mass, mass centre and inertia of
-//! bodies change: order, comments and layout stay.
+//! Identified inertias back into the text of an OpenSim model. Only mass, mass centre and inertia
+//! of bodies change: order, comments and layout stay.
 
 use super::model::OsimModel;
 use super::read;
@@ -15,7 +15,8 @@ use std::ops::Range;
 /// written as a comment before the outermost element.
 ///
 /// # Errors
-/// [`RobotError::Model`] if the text is not that of the model, or an inertia is not that of any body.
+/// [`RobotError::Model`] if the text is not that of the model, or an inertia is not that of any
+/// body.
 pub fn patch(
     text: &str,
     osim: &OsimModel,

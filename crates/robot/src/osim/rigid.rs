@@ -1,4 +1,5 @@
-//! The rigid tree of a model: hinges and balls with fixed centres, which the stages of a pipeline use.
+//! The rigid tree of a model: hinges and balls with fixed centres, which the stages of a pipeline
+//! use.
 //!
 //! Frames of links are those of the file's bodies, moved to the joint's centre. A joint that turns
 //! about one axis is a hinge, others are balls. Where a joint also slides as it turns (a knee of
@@ -146,8 +147,8 @@ impl RigidTree {
         &self.inertias
     }
 
-    /// The subject: the file's geometry, markers and inertias as they are, masses scaled to the mass
-    /// from the scale.
+    /// The subject: the file's geometry, markers and inertias as they are, masses scaled to the
+    /// mass from the scale.
     pub fn subject(
         &self,
         osim: &OsimModel,

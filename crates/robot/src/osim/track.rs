@@ -14,8 +14,8 @@ use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
 const MOST_STEPS: usize = 60;
 /// A step below this ends the search, rad or m.
 const DONE: f64 = 1e-8;
-/// Standard deviation of a coordinate about its value in the frame before: holds what the markers of
-/// a frame leave open, rad or m.
+/// Standard deviation of a coordinate about its value in the frame before: holds what the markers
+/// of a frame leave open, rad or m.
 const DRIFT: f64 = 1.0;
 /// Fewest markers of a frame.
 const FEWEST: usize = 4;
@@ -44,7 +44,8 @@ pub struct OsimIk<'a> {
 pub struct OsimMotion {
     /// Motion of the rigid tree, with residuals and standard deviations.
     pub motion: Motion,
-    /// Values of all of the file's coordinates, frames × coordinates, rad and m; NaN where unsolved.
+    /// Values of all of the file's coordinates, frames × coordinates, rad and m; NaN where
+    /// unsolved.
     pub values: Vec<f64>,
     /// Root mean square distance of the markers, m.
     pub rms_m: f64,
@@ -81,7 +82,8 @@ impl<'a> OsimIk<'a> {
         self.used.iter().map(|m| m.name.clone()).collect()
     }
 
-    /// Tracks a recording. `seen` gives the place of a marker (index in [`Self::labels`]) in a frame, m, world.
+    /// Tracks a recording. `seen` gives the place of a marker (index in [`Self::labels`]) in a
+    /// frame, m, world.
     pub fn track(
         &self,
         name: &str,

@@ -16,7 +16,8 @@ fn local(links: &Links<'_>, bundle: &Bundle, label: &str) -> Option<Vector3<f64>
 
 /// A link's frame as specified, in the bundle's working frame of that link.
 ///
-/// `parent_origin` is the parent's final origin in this link's working frame at rest, `positive` the sense of a hinge there.
+/// `parent_origin` is the parent's final origin in this link's working frame at rest, `positive`
+/// the sense of a hinge there.
 fn wanted_frame(
     links: &Links<'_>,
     bundle: &Bundle,

@@ -1,4 +1,5 @@
-//! First guess of an object's geometry: rigid clouds from the static, poses by fitting them, joints by SARA and SCoRE.
+//! First guess of an object's geometry: rigid clouds from the static, poses by fitting them, joints
+//! by SARA and SCoRE.
 
 use super::links::{Links, error};
 use super::{ObjectInput, ObjectOptions};
@@ -70,7 +71,8 @@ pub(super) struct Motion {
     pub poses: Vec<Vec<Isometry3<f64>>>,
 }
 
-/// Frames of the motion trials in which every link shows three markers, thinned to the wanted number, and each link's pose.
+/// Frames of the motion trials in which every link shows three markers, thinned to the wanted
+/// number, and each link's pose.
 pub(super) fn motion_frames(
     links: &Links<'_>,
     clouds: &Clouds,
@@ -122,7 +124,8 @@ pub(super) fn motion_frames(
     Ok(motion)
 }
 
-/// A model with the joints of SARA and SCoRE, marker coordinates from the static, and coordinates of every frame.
+/// A model with the joints of SARA and SCoRE, marker coordinates from the static, and coordinates
+/// of every frame.
 pub(super) fn first_guess(
     links: &Links<'_>,
     clouds: &Clouds,

@@ -1,7 +1,8 @@
 //! An object of rigid links: frames from markers, joints from motion, a rough prior from size.
 //!
-//! Poses of each link's marker cloud → SCoRE or SARA for a first guess of every joint → `bundle`: one least-squares problem over static and
-//! calibration trials (and throws, where given) → frames as the specification defines them.
+//! Poses of each link's marker cloud → SCoRE or SARA for a first guess of every joint → `bundle`:
+//! one least-squares problem over static and calibration trials (and throws, where given) → frames
+//! as the specification defines them.
 
 mod frames;
 mod guess;
@@ -64,7 +65,8 @@ pub struct ObjectJointReport {
     pub axis_in_parent: Option<Vector3<f64>>,
     /// Root mean square disagreement of the two segments in the first guess (SARA, SCoRE), m.
     pub first_guess_rms_m: f64,
-    /// Range of a hinge's angle, or of the rotation angle of a ball joint, over the frames used, rad.
+    /// Range of a hinge's angle, or of the rotation angle of a ball joint, over the frames used,
+    /// rad.
     pub range_rad: (f64, f64),
 }
 

@@ -18,7 +18,8 @@ pub struct PlanCurve {
     pub curves: Vec<Piecewise>,
     /// Sines on a coordinate: coordinate, amplitude, frequency (Hz), phase.
     pub sways: Vec<(usize, f64, f64, f64)>,
-    /// Sines that start and end at rest: coordinate, start, duration, amplitude, frequency (Hz), phase.
+    /// Sines that start and end at rest: coordinate, start, duration, amplitude, frequency (Hz),
+    /// phase.
     pub bumps: Vec<(usize, f64, f64, f64, f64, f64)>,
 }
 

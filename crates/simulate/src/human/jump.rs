@@ -67,7 +67,8 @@ impl<'b> Jumper<'_, 'b> {
         best.map(|b| (b.0, b.1))
     }
 
-    /// Accelerations of the root in free fall under chart jets; the root's acceleration in `jets` is replaced.
+    /// Accelerations of the root in free fall under chart jets; the root's acceleration in `jets`
+    /// is replaced.
     fn fall(&self, air: &dyn Drive, t: f64, jets: &mut [Jet; PLAN]) -> Result<(), SimulateError> {
         let model = &self.plant.model;
         let (y, mut a) = self.state_of(jets);

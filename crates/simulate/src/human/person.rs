@@ -61,8 +61,8 @@ pub struct Person {
     pub height_m: f64,
 }
 
-/// One row of the inertial table: share of the body mass, centre of mass and radii of gyration (about X, Y, Z) in units
-/// of the length that the row scales with.
+/// One row of the inertial table: share of the body mass, centre of mass and radii of gyration
+/// (about X, Y, Z) in units of the length that the row scales with.
 struct Row {
     mass: f64,
     com: [f64; 3],
@@ -74,7 +74,8 @@ fn row(mass: f64, com: [f64; 3], radii: [f64; 3], area: f64) -> Row {
     Row { mass, com, radii, area }
 }
 
-/// Pelvis, torso, head (in statures), upper arm, forearm (in their lengths), hand (stature), thigh, shank (lengths), foot (stature).
+/// Pelvis, torso, head (in statures), upper arm, forearm (in their lengths), hand (stature), thigh,
+/// shank (lengths), foot (stature).
 fn table(sex: Sex) -> [Row; 9] {
     match sex {
         Sex::Female => [

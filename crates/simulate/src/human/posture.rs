@@ -58,8 +58,8 @@ pub fn rest(plan: &[f64; PLAN]) -> [Jet; PLAN] {
     plan.map(Jet::rest)
 }
 
-/// A plan posture: centre of mass over the feet, lowered until the knees are bent by `knee` (rad, positive), heels raised
-/// by `pitch` (rad).
+/// A plan posture: centre of mass over the feet, lowered until the knees are bent by `knee` (rad,
+/// positive), heels raised by `pitch` (rad).
 pub fn lowered(
     stance: &mut Stance<'_>,
     footing: &Footing,

@@ -17,7 +17,8 @@ pub const PLAN: usize = 40;
 pub const COM: usize = 0;
 /// Rotation vector of the pelvis from upright.
 pub const PELVIS: usize = 3;
-/// Feet, right then left: ball on the sole in the world (3), rotation vector from flat on the floor (3), swivel of the knee (1).
+/// Feet, right then left: ball on the sole in the world (3), rotation vector from flat on the floor
+/// (3), swivel of the knee (1).
 pub const FOOT: [usize; 2] = [6, 13];
 /// Joints of torso, head and arms as in the chart.
 pub const UPPER: usize = 20;
@@ -49,7 +50,8 @@ pub struct Stance<'a> {
     a: Vec<f64>,
 }
 
-/// Rotation that takes link axes (X anterior, Y up, Z right) to the world (X forward, Y left, Z up).
+/// Rotation that takes link axes (X anterior, Y up, Z right) to the world (X forward, Y left, Z
+/// up).
 pub fn upright() -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2)
 }

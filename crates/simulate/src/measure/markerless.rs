@@ -1,8 +1,9 @@
 //! Simulates markerless software: poses of segments from videos, as Theia3D writes them.
 //!
-//! The poses are those of the true links in the axes of that software (x to the right, y forwards, z
-//! towards the proximal end), with errors of its kind: each joint centre is displaced by a constant
-//! that is drawn once for a session, frames have noise, and everything is low-pass filtered.
+//! The poses are those of the true links in the axes of that software (x to the right, y forwards,
+//! z towards the proximal end), with errors of its kind: each joint centre is displaced by a
+//! constant that is drawn once for a session, frames have noise, and everything is low-pass
+//! filtered.
 
 use crate::physics::TrueMotion;
 use crate::random::Stream;
@@ -58,8 +59,8 @@ fn axes() -> Matrix3<f64> {
     Matrix3::from_columns(&[Vector3::z(), Vector3::x(), Vector3::y()])
 }
 
-/// Poses of all segments, mm, at every `ticks_per_frame`-th tick. `centers` draws what is constant in a
-/// session, `noise` what differs from frame to frame.
+/// Poses of all segments, mm, at every `ticks_per_frame`-th tick. `centers` draws what is constant
+/// in a session, `noise` what differs from frame to frame.
 ///
 /// # Errors
 /// A cut-off beyond half the rate.

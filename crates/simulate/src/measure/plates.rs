@@ -25,7 +25,8 @@ pub struct PlateGeometry {
 pub struct PlateChannels {
     /// Position as known to the laboratory.
     pub geometry: PlateGeometry,
-    /// Fx, Fy, Fz (N), Mx, My, Mz (N·m) about the sensor's origin in plate axes: reaction on the subject.
+    /// Fx, Fy, Fz (N), Mx, My, Mz (N·m) about the sensor's origin in plate axes: reaction on the
+    /// subject.
     pub channels: [Vec<f64>; 6],
 }
 
@@ -57,7 +58,8 @@ impl PlateGeometry {
     }
 }
 
-/// Records the wrench on the subject (about the world origin, at every tick) with plate `index` (0-based).
+/// Records the wrench on the subject (about the world origin, at every tick) with plate `index`
+/// (0-based).
 pub fn record(
     index: usize,
     geometry: &PlateGeometry,

@@ -19,7 +19,8 @@ impl Jet {
     }
 }
 
-/// A polynomial of fifth degree on `[0, duration]` with given value, rate and acceleration at both ends.
+/// A polynomial of fifth degree on `[0, duration]` with given value, rate and acceleration at both
+/// ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quintic {
     coefficients: [f64; 6],
@@ -92,7 +93,8 @@ impl Piecewise {
     }
 }
 
-/// A vector-valued quintic spline (C⁴) through equally spaced knots, value, rate and acceleration given at both ends.
+/// A vector-valued quintic spline (C⁴) through equally spaced knots, value, rate and acceleration
+/// given at both ends.
 #[derive(Debug, Clone)]
 pub struct Spline {
     start: f64,
@@ -103,15 +105,15 @@ pub struct Spline {
 }
 
 impl Spline {
-    /// `values[knot * width + i]` at `start + knot·step`; `first` and `last` give rates and accelerations at the ends
-    /// (their values must be the first and last row). At least two knots.
+    /// `values[knot * width + i]` at `start + knot·step`; `first` and `last` give rates and
+    /// accelerations at the ends (their values must be the first and last row). At least two knots.
     pub fn new(start: f64, step: f64, width: usize, values: &[f64], first: &[Jet], last: &[Jet]) -> Self {
         let n = values.len() / width;
         let mut jets: Vec<Jet> = values.iter().map(|x| Jet::rest(*x)).collect();
-        // In units of the step, continuity of the third and fourth derivative at an inner knot, with v and a unknown:
-        //   v: 24 v₋ + 72·0 …   (derived from the Hermite form of the quintic; both are linear in neighbouring v and a)
-        // third:  −24 v₋ − 3 a₋ + 0·v + 18 a + 24 v₊ − 3 a₊ =  60 (p₊ − 2p + p₋)
-        // fourth: 168 v₋ + 24 a₋ + 384 v + 0·a + 168 v₊ − 24 a₊ = 360 (p₊ − p₋)
+        // In units of the step, continuity of the third and fourth derivative at an inner knot,
+        // with v and a unknown: v: 24 v₋ + 72·0 … (derived from the Hermite form of the quintic;
+        // both are linear in neighbouring v and a) third: −24 v₋ − 3 a₋ + 0·v + 18 a + 24 v₊ − 3 a₊
+        // = 60 (p₊ − 2p + p₋) fourth: 168 v₋ + 24 a₋ + 384 v + 0·a + 168 v₊ − 24 a₊ = 360 (p₊ − p₋)
         let (lower, diagonal, upper) =
             ([[-24.0, -3.0], [168.0, 24.0]], [[0.0, 18.0], [384.0, 0.0]], [[24.0, -3.0], [168.0, -24.0]]);
         let inner = n.saturating_sub(2);

@@ -1,8 +1,8 @@
 //! Forward dynamics of a tree in which some joints are prescribed and the others follow the
 //! equations of motion.
 //!
-//! With the coordinates split into followed (F) and prescribed (P),
-//! `M_FF a_F = τ_F + Q_F − h_F(q, v, a_P)`, where `h` is recursive Newton-Euler with `a_F = 0` and `Q` the hidden forces.
+//! With the coordinates split into followed (F) and prescribed (P), `M_FF a_F = τ_F + Q_F − h_F(q,
+//! v, a_P)`, where `h` is recursive Newton-Euler with `a_F = 0` and `Q` the hidden forces.
 
 use crate::error::SimulateError;
 use crate::motion::chart::read;
@@ -22,8 +22,8 @@ pub trait Drive {
 
 /// Workspace and right-hand side for one plant and one set of followed links.
 ///
-/// The state vector is `[q (nq) | v (nv) | states of the forces]`; entries of prescribed links are overwritten by the
-/// drive whenever they are needed.
+/// The state vector is `[q (nq) | v (nv) | states of the forces]`; entries of prescribed links are
+/// overwritten by the drive whenever they are needed.
 pub struct ForwardDynamics<'a> {
     plant: &'a Plant,
     /// Time of the last take-off (release), s; `None` on the ground and in the hand.
@@ -243,7 +243,8 @@ fn quaternion_rate(q: &[f64], omega: &[f64], out: &mut [f64]) {
     out.copy_from_slice(rate.coords.as_slice());
 }
 
-/// Inertia of the whole body, all joints locked, about the root origin in root axes (linear, angular). Needs poses.
+/// Inertia of the whole body, all joints locked, about the root origin in root axes (linear,
+/// angular). Needs poses.
 pub fn root_inertia(model: &Model, state: &State, phi: &[Phi]) -> Matrix6<f64> {
     let world_from_root = state.world_from_link[0];
     let mut sum = Phi::zeros();
@@ -254,7 +255,8 @@ pub fn root_inertia(model: &Model, state: &State, phi: &[Phi]) -> Matrix6<f64> {
         let (m, mc) = (f[0], r * Vector3::new(f[1], f[2], f[3]));
         let inertia = nalgebra::Matrix3::new(f[4], f[9], f[8], f[9], f[5], f[7], f[8], f[7], f[6]);
         let turned = r.matrix() * inertia * r.matrix().transpose();
-        // about the root origin: shift through the first moment, I' = I − [p][mc] − [mc][p] − m [p][p]
+        // about the root origin: shift through the first moment, I' = I − [p][mc] − [mc][p] − m
+        // [p][p]
         let (px, cx) = (p.cross_matrix(), mc.cross_matrix());
         let moved = turned - px * cx - cx * px - px * px * m;
         let first = mc + p * m;
@@ -283,7 +285,8 @@ pub fn root_inertia(model: &Model, state: &State, phi: &[Phi]) -> Matrix6<f64> {
     out
 }
 
-/// Adds the generalised forces of wrenches on links (world axes about the world origin) to `out` (length nv). Needs poses.
+/// Adds the generalised forces of wrenches on links (world axes about the world origin) to `out`
+/// (length nv). Needs poses.
 pub fn generalised(model: &Model, state: &State, wrenches: &[Wrench], subtree: &mut [Wrench], out: &mut [f64]) {
     subtree.copy_from_slice(wrenches);
     for link in (0..model.n_links()).rev() {

@@ -109,8 +109,8 @@ pub struct ForceField {
 }
 
 impl ForceField {
-    /// Collects the hidden effects that are forces; `model` has the true gravity, `phi` the inertias
-    /// with those of the hidden effects.
+    /// Collects the hidden effects that are forces; `model` has the true gravity, `phi` the
+    /// inertias with those of the hidden effects.
     pub fn new(body: &Body, model: &Model, phi: &[Phi], hidden: &[Hidden]) -> Result<Self, SimulateError> {
         let mut field = Self { phi: phi.to_vec(), ..Self::default() };
         let total_area: f64 = body.area_m2.iter().sum();

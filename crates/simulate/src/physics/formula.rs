@@ -1,8 +1,9 @@
 //! Formulas of hidden laws: numbers, names, functions, operators. Parsed once to postfix order.
 //!
-//! The parser is small and the simulator's own. The one of the effects belongs to the estimator, of which the simulator
-//! is independent; and general expression crates lack what is needed here: `exmex` reads `-x^2` as `(-x)^2`, knows
-//! neither `1e-3` nor functions of three arguments, and gives no position of an error.
+//! The parser is small and the simulator's own. The one of the effects belongs to the estimator, of
+//! which the simulator is independent; and general expression crates lack what is needed here:
+//! `exmex` reads `-x^2` as `(-x)^2`, knows neither `1e-3` nor functions of three arguments, and
+//! gives no position of an error.
 
 /// Deepest nesting of a formula.
 const DEPTH: usize = 60;

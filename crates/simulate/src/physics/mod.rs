@@ -1,4 +1,5 @@
-//! The physics of the simulator: forward dynamics of a floating tree, force laws, a Runge-Kutta step.
+//! The physics of the simulator: forward dynamics of a floating tree, force laws, a Runge-Kutta
+//! step.
 
 pub mod dynamics;
 pub mod forces;

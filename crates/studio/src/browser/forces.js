@@ -1,4 +1,5 @@
-// What the chapters show of a choice of effects: the forces that the model predicts, in the curves and in the player.
+// What the chapters show of a choice of effects: the forces that the model predicts, in the curves
+// and in the player.
 (() => {
   const { S } = Studio;
   const AXES = ["Force x", "Force y", "Force z", "Moment x", "Moment y", "Moment z"];

@@ -1,4 +1,5 @@
-// A law of one's own: written in the page, checked as it is tried, a switch at once, kept with the model.
+// A law of one's own: written in the page, checked as it is tried, a switch at once, kept with the
+// model.
 (() => {
   const { make } = Numbers;
   const { S, at, prose, problem } = Studio;

@@ -1,5 +1,5 @@
-// What a live page adds to the panel of switches: the program as its source, exact numbers, recordings, settings, keeping
-// and undoing, and work in progress.
+// What a live page adds to the panel of switches: the program as its source, exact numbers,
+// recordings, settings, keeping and undoing, and work in progress.
 const Live = (() => {
   const { make } = Numbers;
   const { S, at, problem, number, flip, prose } = Studio;

@@ -1,4 +1,5 @@
-// Two revisions of the model side by side: error, ratio, effects, parameters, and the forces that both predict.
+// Two revisions of the model side by side: error, ratio, effects, parameters, and the forces that
+// both predict.
 (() => {
   const { make } = Numbers;
   const { S, at, number, times } = Studio;

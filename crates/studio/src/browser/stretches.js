@@ -1,4 +1,5 @@
-// Stretches of time to leave out: drawn in a chart or typed, listed, taken back, part of the address.
+// Stretches of time to leave out: drawn in a chart or typed, listed, taken back, part of the
+// address.
 (() => {
   const { make } = Numbers;
   const { S, at } = Studio;

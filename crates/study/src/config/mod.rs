@@ -1,7 +1,9 @@
-//! The pipeline's YAML: what a user may write, with its defaults. Every section belongs to the stage of the same name,
-//! so that a changed value makes just that stage (and what follows from it) stale.
+//! The pipeline's YAML: what a user may write, with its defaults. Every section belongs to the
+//! stage of the same name, so that a changed value makes just that stage (and what follows from it)
+//! stale.
 //!
-//! Every number has its range here, once: `aloft schema` shows it, and reading a file holds each value against it ([`crate::ranges`]).
+//! Every number has its range here, once: `aloft schema` shows it, and reading a file holds each
+//! value against it ([`crate::ranges`]).
 
 mod overrides;
 mod sections;
@@ -32,22 +34,27 @@ pub struct PipelineConfig {
     /// Folder for results, relative to this file. `--workspace` replaces it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub workspace: Option<String>,
-    /// Model: a name in `configs/models/`, or a path to a YAML, URDF or OpenSim 4 (`.osim`) file. A robot's is named by its description.
+    /// Model: a name in `configs/models/`, or a path to a YAML, URDF or OpenSim 4 (`.osim`) file. A
+    /// robot's is named by its description.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub model: String,
-    /// Marker set: a name in `configs/markersets/` or a path. Robots have none; an OpenSim model brings its own.
+    /// Marker set: a name in `configs/markersets/` or a path. Robots have none; an OpenSim model
+    /// brings its own.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub marker_set: String,
-    /// Object description (links whose frames are defined by markers): a name in `configs/objects/` or a path. Leave out for people.
+    /// Object description (links whose frames are defined by markers): a name in `configs/objects/`
+    /// or a path. Leave out for people.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object: Option<String>,
     /// A robot, whose motion is logged by its joints. Leave out for people and objects.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub robot: Option<RobotConfig>,
-    /// Facts about the subject; what is not said here is taken from `subject.yaml`, `object.yaml` or `participants.tsv` beside the recordings.
+    /// Facts about the subject; what is not said here is taken from `subject.yaml`, `object.yaml`
+    /// or `participants.tsv` beside the recordings.
     #[serde(default)]
     pub subject: SubjectConfig,
-    /// Folders of subjects and sessions, for a study of several; found by themselves where `participants.tsv` or the folders' names tell.
+    /// Folders of subjects and sessions, for a study of several; found by themselves where
+    /// `participants.tsv` or the folders' names tell.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subjects: Option<SubjectsConfig>,
     /// Settings that hold for some subjects, sessions or trials only.
@@ -94,11 +101,13 @@ pub struct PipelineConfig {
     pub effects: EffectsConfig,
 }
 
-/// Effects of your own: force or moment laws as formulas, ranked by `aloft discover` and added by `aloft effect add` as the catalogue's are.
+/// Effects of your own: force or moment laws as formulas, ranked by `aloft discover` and added by
+/// `aloft effect add` as the catalogue's are.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct EffectsConfig {
-    /// Files with one effect each: paths relative to this file, or names in `configs/effects/` (`sail`, `my_drag`, `magnus`).
+    /// Files with one effect each: paths relative to this file, or names in `configs/effects/`
+    /// (`sail`, `my_drag`, `magnus`).
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub files: Vec<String>,
     /// Effects written here.

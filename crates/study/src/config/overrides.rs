@@ -9,7 +9,8 @@ use super::trials::TrialsConfig;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Settings for some subjects, sessions or trials. What is nearer to the trial wins: study, subject, session, trial.
+/// Settings for some subjects, sessions or trials. What is nearer to the trial wins: study,
+/// subject, session, trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Override {
@@ -63,8 +64,8 @@ impl Override {
     }
 }
 
-/// The sections of a pipeline that may differ between subjects and sessions; also what a file `overrides.yaml` beside the
-/// recordings of a subject or session may hold.
+/// The sections of a pipeline that may differ between subjects and sessions; also what a file
+/// `overrides.yaml` beside the recordings of a subject or session may hold.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sections {

@@ -48,7 +48,8 @@ pub struct PlateZeroConfig {
 }
 
 section! {
-/// Corrections of a session's recordings and facts, as `aloft check` offers them after a run. Each is a rung of the ladder.
+/// Corrections of a session's recordings and facts, as `aloft check` offers them after a run. Each
+/// is a rung of the ladder.
 CorrectionsConfig {
     /// Delay of the plates against the cameras, s; positive where plates are late.
     #[schemars(range(min = -0.2, max = 0.2))]
@@ -145,7 +146,8 @@ ImportConfig {
 section! {
 /// Static trial to subject.
 ScaleConfig {
-    /// Anthropometric table: a name in `configs/anthropometry/` (`de_leva`, `dumas`, `winter`) or a path.
+    /// Anthropometric table: a name in `configs/anthropometry/` (`de_leva`, `dumas`, `winter`) or a
+    /// path.
     anthropometry: String = "de_leva".to_owned(),
     /// Regression of the hip joint centre: `harrington`, `bell`, `hara`, `davis`.
     hip: String = "harrington".to_owned(),
@@ -159,7 +161,8 @@ CalibrateConfig {
     /// Number of frames used, over all trials.
     #[schemars(range(min = 10, max = 100_000))]
     frames: usize = 300,
-    /// Whether recordings held out for comparison (`trials: validate`) take part as well. By default they do not: held out means held out.
+    /// Whether recordings held out for comparison (`trials: validate`) take part as well. By
+    /// default they do not: held out means held out.
     validation: bool = false,
 }}
 
@@ -195,7 +198,8 @@ FilterConfig {
     /// Stated cut-off, Hz.
     #[schemars(range(min = 0.1, max = 1000.0))]
     cutoff_hz: f64 = 10.0,
-    /// `none` designs each pass at the stated cut-off; `winter` moves it so that both passes together are −3 dB there.
+    /// `none` designs each pass at the stated cut-off; `winter` moves it so that both passes
+    /// together are −3 dB there.
     cutoff_correction: Correction = Correction::None,
 }}
 
@@ -240,7 +244,8 @@ FlightConfig {
 section! {
 /// A robot: its description, and how far its model's inertias may be from the truth.
 RobotConfig {
-    /// Description of the robot, a path relative to the recordings: model files, inertial unit, noise of the sensors.
+    /// Description of the robot, a path relative to the recordings: model files, inertial unit,
+    /// noise of the sensors.
     description: String = "robot.yaml".to_owned(),
     /// Standard deviation of a link's mass in the model file, as a share.
     #[schemars(range(min = 0.001, max = 2.0))]
@@ -248,7 +253,8 @@ RobotConfig {
     /// Standard deviation of a link's centre of mass in the model file, each axis, m.
     #[schemars(range(min = 1e-5, max = 1.0))]
     com_m: f64 = 0.012,
-    /// Standard deviation of a link's radii of gyration in the model file, as a share (half of that of inertias).
+    /// Standard deviation of a link's radii of gyration in the model file, as a share (half of that
+    /// of inertias).
     #[schemars(range(min = 0.001, max = 2.0))]
     radius_rel: f64 = 0.12,
     /// Number of flights that `parameters --assess` plans.
@@ -257,7 +263,8 @@ RobotConfig {
     /// Duration of a planned flight, s; 0: that of the recorded flights.
     #[schemars(range(min = 0.0, max = 10.0))]
     next_flight_s: f64 = 0.0,
-    /// Largest turn of the base when it is let go in a planned flight, rad/s; 0: the largest of the recordings.
+    /// Largest turn of the base when it is let go in a planned flight, rad/s; 0: the largest of the
+    /// recordings.
     #[schemars(range(min = 0.0, max = 50.0))]
     next_turn_rad_s: f64 = 0.0,
     /// Share of the stated rates and torques that planned flights use.
@@ -266,7 +273,8 @@ RobotConfig {
     /// How many times faster than in the recordings a joint may be in a planned flight.
     #[schemars(range(min = 0.1, max = 10.0))]
     faster: f64 = 1.5,
-    /// Distance that a planned flight keeps between links that no joint connects, m; less where the recordings have less.
+    /// Distance that a planned flight keeps between links that no joint connects, m; less where the
+    /// recordings have less.
     #[schemars(range(min = 0.0, max = 1.0))]
     clearance_m: f64 = 0.01,
 }}
@@ -300,7 +308,8 @@ impl Rows {
 pub enum Weighting {
     /// Fixed weights that depend on nothing but the prior.
     Fixed,
-    /// By the inverse of the rows' covariance, propagated from the markers' noise. `discover` weights its own rows by fixed weights in any case.
+    /// By the inverse of the rows' covariance, propagated from the markers' noise. `discover`
+    /// weights its own rows by fixed weights in any case.
     Whitened,
 }
 
@@ -309,12 +318,14 @@ section! {
 RegressorConfig {
     /// Rows that the results are built on; the other kind is computed beside them.
     rows: Rows = Rows::Weak,
-    /// Length of a weak window, s; 0 lets the length of each stretch decide. `aloft parameters --assess` shows what other lengths give.
+    /// Length of a weak window, s; 0 lets the length of each stretch decide. `aloft parameters
+    /// --assess` shows what other lengths give.
     #[schemars(range(min = 0.0, max = 60.0))]
     window_s: f64 = 0.0,
     /// Weights of weak rows.
     weighting: Weighting = Weighting::Fixed,
-    /// Size of errors that fade within a tenth of a second (soft tissue) in units of the markers' white noise; for `whitened`.
+    /// Size of errors that fade within a tenth of a second (soft tissue) in units of the markers'
+    /// white noise; for `whitened`.
     #[schemars(range(min = 0.0, max = 1000.0))]
     slow_noise: f64 = 5.0,
 }}
@@ -341,18 +352,22 @@ IdentifyConfig {
     /// Weight of the prior; 0 lets held-out error decide.
     #[schemars(range(min = 0.0, max = 1e6))]
     prior_weight: f64 = 0.0,
-    /// Whether plate-measured contact stretches of the identification trials take part. Where not given: only once the model holds an
-    /// effect that shows on force plates alone (`plate_gain`, `body_mass` …), which nothing else can determine.
+    /// Whether plate-measured contact stretches of the identification trials take part. Where not
+    /// given: only once the model holds an effect that shows on force plates alone (`plate_gain`,
+    /// `body_mass` …), which nothing else can determine.
     contact: Option<bool> = None,
-    /// Bootstrap resamples over flights. Intervals do not use them: they come from the spread among flights with Student's t.
+    /// Bootstrap resamples over flights. Intervals do not use them: they come from the spread among
+    /// flights with Student's t.
     #[schemars(range(min = 0, max = 100_000))]
     bootstrap: usize = 0,
-    /// Correlation of errors from flight to flight, 0 to 1, as a further allowance for what repeats; none where not given. Soft tissue of
-    /// people is allowed for in any case, as a random effect of the size that the marker residuals show.
+    /// Correlation of errors from flight to flight, 0 to 1, as a further allowance for what
+    /// repeats; none where not given. Soft tissue of people is allowed for in any case, as a random
+    /// effect of the size that the marker residuals show.
     #[schemars(range(min = 0.0, max = 1.0))]
     #[serde(alias = "repeat_correlation")]
     flight_error_correlation: Option<f64> = None,
-    /// Whether the subject may turn over in the air (gymnasts, divers, trampolines). Only then, and for objects, does the advice on what to record next contain it.
+    /// Whether the subject may turn over in the air (gymnasts, divers, trampolines). Only then, and
+    /// for objects, does the advice on what to record next contain it.
     somersaults: bool = false,
 }}
 
@@ -380,6 +395,7 @@ pub enum Angles {
 section! {
 /// Files for other programs.
 ExportConfig {
-    /// Joint angles: `model` (names and axes of OpenSim's full-body models) or `isb` (shoulder Y-X-Y, wrist Z-X-Y).
+    /// Joint angles: `model` (names and axes of OpenSim's full-body models) or `isb` (shoulder
+    /// Y-X-Y, wrist Z-X-Y).
     angles: Angles = Angles::Model,
 }}

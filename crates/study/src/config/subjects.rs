@@ -35,14 +35,17 @@ pub struct SubjectConfig {
     pub gravity_mps2: Option<f64>,
 }
 
-/// Where the subjects and sessions of a study lie. Names and patterns are folders; `*` and `?` as in a shell.
+/// Where the subjects and sessions of a study lie. Names and patterns are folders; `*` and `?` as
+/// in a shell.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SubjectsConfig {
-    /// Subject folders, relative to the data folder; an empty list stands for the rows of `participants.tsv`, or else `sub-*`.
+    /// Subject folders, relative to the data folder; an empty list stands for the rows of
+    /// `participants.tsv`, or else `sub-*`.
     #[serde(default)]
     pub folders: Vec<String>,
-    /// Session folders, relative to each subject's folder (`ses-*` where nothing is said). A subject without such folders is one session.
+    /// Session folders, relative to each subject's folder (`ses-*` where nothing is said). A
+    /// subject without such folders is one session.
     #[serde(default = "default_sessions")]
     pub sessions: Vec<String>,
     /// Subjects or sessions to leave out, with the reason.

@@ -4,7 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Which recordings play which part. Patterns are relative to the data folder; a recording plays the first part that matches it.
+/// Which recordings play which part. Patterns are relative to the data folder; a recording plays
+/// the first part that matches it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrialsConfig {
@@ -26,8 +27,9 @@ pub struct TrialsConfig {
     /// Recordings to leave out, with the reason.
     #[serde(default)]
     pub exclude: Vec<Exclusion>,
-    /// Groups of recordings that differ in what the body carried: `{unloaded: ["*_plain*"], vest: ["*_vest*"]}`. A payload is sought as the
-    /// difference to the group of the first recording; without groups, it is sought in the recordings themselves.
+    /// Groups of recordings that differ in what the body carried: `{unloaded: ["*_plain*"], vest:
+    /// ["*_vest*"]}`. A payload is sought as the difference to the group of the first recording;
+    /// without groups, it is sought in the recordings themselves.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub groups: BTreeMap<String, Vec<String>>,
     /// Frames of a dynamic trial that serve as static trial: `{trial: jump01, first: 1, last: 60}`.
