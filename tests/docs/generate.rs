@@ -5,7 +5,7 @@ use crate::json_contract;
 use crate::source::{self, Item, Items, markdown, module_doc, snake};
 use crate::{AGAIN, aloft, docs, root, updating};
 use aloft_analysis::unknowns::{self, Examples, unit};
-use aloft_effects::{EFFECTS, EffectKind, Target};
+use aloft_effects::{ActsIn, EFFECTS, EffectKind, Target};
 use aloft_pipeline::graph::{Need, Scope};
 use aloft_pipeline::stages::STAGES;
 use std::collections::BTreeMap;
@@ -225,21 +225,22 @@ fn effects(pages: &mut Pages) {
     let mut index = from("the slice EFFECTS in crates/effects/src/catalog/mod.rs");
     index += "# Effects\n\nWhat a model may be missing. `aloft effect list` and `aloft effect show NAME` print the same; formulas of your own stand in `configs/effects/`.\n\n| effect | what | kind | acts | coefficients |\n|---|---|---|---|---|\n";
     let examples = Examples::built_in().unwrap();
-    let person = &examples.person;
     for effect in EFFECTS.iter().copied() {
         let kind = match effect.kind() {
             EffectKind::Physics => "physics",
             EffectKind::Artefact => "artefact",
         };
-        let acts = match (effect.acts().in_flight(), effect.acts().in_contact()) {
-            (true, true) => "in flight and contact",
-            (true, false) => "in flight",
-            _ => "in contact",
+        let acts = match effect.acts() {
+            ActsIn::Both => "in flight and contact",
+            ActsIn::Flight => "in flight",
+            ActsIn::Contact => "in contact",
+            ActsIn::Joints => "in a robot's joints",
         };
-        let targets = effect.targets(person);
+        let scene = if effect.acts().in_joints() { &examples.robot } else { &examples.person };
+        let targets = effect.targets(scene);
         let first = targets.first().copied().unwrap_or(Target::Body);
         let names: Vec<String> =
-            effect.coefficients(person, first).iter().map(|c| format!("`{}` {}", c.name, unit(&c.unit))).collect();
+            effect.coefficients(scene, first).iter().map(|c| format!("`{}` {}", c.name, unit(&c.unit))).collect();
         let _ = writeln!(
             index,
             "| [`{0}`]({0}.md) | {1} | {kind} | {acts} | {2} |",

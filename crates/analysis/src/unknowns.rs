@@ -16,7 +16,7 @@ pub struct Examples {
     pub person: Scene,
     /// Two links with one hinge.
     pub chain: Scene,
-    /// The same with an encoder on its hinge.
+    /// The same with an encoder and a named motor on its hinge.
     pub robot: Scene,
 }
 
@@ -28,6 +28,9 @@ impl Examples {
     pub fn built_in() -> Result<Self, PipelineError> {
         let mut robot = scene("two_link", 0)?;
         robot.model.encoders = true;
+        if let Some(link) = robot.model.links.last() {
+            let _ = robot.model.joint_names.insert(link.name.clone(), "joint".to_owned());
+        }
         Ok(Self { person: scene("human34", 2)?, chain: scene("two_link", 0)?, robot })
     }
 }

@@ -115,6 +115,12 @@ pub(crate) fn minimum_detectable(problem: &Problem, scored: &Scored<'_>, noise_s
     size + 0.84 * if se.is_finite() { se.min(size) } else { 0.0 }
 }
 
+/// Columns of an effect, cluster by cluster, and the signal that its fitted coefficients give.
+struct FittedColumns {
+    columns: Vec<DMatrix<f64>>,
+    signal: Vec<DVector<f64>>,
+}
+
 /// Fills in the confusions: every accepted effect against all others, the rest against the best.
 pub(crate) fn confusions(
     session: &Session<'_>,
@@ -123,14 +129,13 @@ pub(crate) fn confusions(
     candidates: &mut [Candidate],
     options: &DiscoverOptions,
 ) {
-    // columns and fitted signal of each
-    let made: Vec<Option<(Vec<DMatrix<f64>>, Vec<DVector<f64>>)>> = scores
+    let made: Vec<Option<FittedColumns>> = scores
         .par_iter()
         .map(|s| {
             let best = &s.scored[s.best];
             let columns = best.variant.columns(session, problem).filter(|_| !s.placebo)?;
             let signal = columns.iter().map(|c| c * &best.theta).collect();
-            Some((columns, signal))
+            Some(FittedColumns { columns, signal })
         })
         .collect();
     let all: Vec<Vec<Confusion>> = (0..scores.len())
@@ -141,8 +146,8 @@ pub(crate) fn confusions(
             }
             let mut out = Vec::new();
             for b in (0..scores.len()).filter(|&b| b != a && !scores[b].placebo) {
-                let (Some((_, signal)), Some((columns, _))) = (&made[a], &made[b]) else { continue };
-                let cosine = cosine(problem, signal, columns);
+                let (Some(one), Some(other)) = (&made[a], &made[b]) else { continue };
+                let cosine = cosine(problem, &one.signal, &other.columns);
                 if cosine > 0.9 {
                     let (ea, eb) = (&scores[a].fold_error, &scores[b].fold_error);
                     let ahead = ea.iter().sum::<f64>() <= eb.iter().sum::<f64>();

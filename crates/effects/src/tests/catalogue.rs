@@ -199,9 +199,11 @@ fn laws_of_joints_have_torques_and_no_wrench() {
         (of(&|t| 0.8 * (5.0 * t).sin()), of(&|t| 4.0 * (5.0 * t).cos()), of(&|t| 2.0 + 3.0 * (4.0 * t).sin()));
     let series = JointSeries { rate_hz: 200.0, q: &q, v: &v, torque: &torque };
     let laws: Vec<_> = EFFECTS.iter().filter(|e| e.acts().in_joints()).collect();
-    assert_eq!(laws.len(), 8);
+    assert!(!laws.is_empty());
     for law in laws {
-        for target in law.targets(&fixture.scene) {
+        let targets = law.targets(&fixture.scene);
+        assert!(!targets.is_empty(), "{} acts on no joint", law.id());
+        for target in targets {
             assert!(matches!(target, Target::Joint(_)), "{} {target:?}", law.id());
             let coefficients = law.coefficients(&fixture.scene, target);
             for p in law.starts(&fixture.scene, target) {
