@@ -93,8 +93,8 @@ impl FrameBatch {
         dispatch!(self.level, simd => forward::<_, false>(simd, model, links, q, v, v, origin_in_world));
     }
 
-    /// [`State::base_wrench_rows`](crate::State::base_wrench_rows) of every frame: `out[6 * column
-    /// + row]`. Needs [`FrameBatch::forward_acceleration`].
+    /// [`State::base_wrench_rows`](crate::State::base_wrench_rows) of every frame:
+    /// `out[6 * column + row]`. Needs [`FrameBatch::forward_acceleration`].
     ///
     /// # Panics
     /// If `out` does not have 6 n_base entries.

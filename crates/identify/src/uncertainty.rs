@@ -130,9 +130,9 @@ impl Uncertainty {
     /// Residuals also contain the error of the prior and the slides of soft tissue, whose variances
     /// are added as parts of their own; what they contribute to the spread is not counted twice. In
     /// the working model (rows of variance s², prior of weight w with its stated covariance, slides
-    /// of the size that the markers show) the spread of a function is expected to be `s² Σ cᵀG_g c
-    /// + (w − s²) Σ b_gᵀ(1 − ΣG) b_g + Σ ‖cᵀ(1 − G_g)^(−1/2)(T_g − G_g ΣT)‖²`, of which the first
-    /// term is the variance caused by the rows.
+    /// of the size that the markers show) the spread of a function is expected to be
+    /// `s² Σ cᵀG_g c + (w − s²) Σ b_gᵀ(1 − ΣG) b_g + Σ ‖cᵀ(1 − G_g)^(−1/2)(T_g − G_g ΣT)‖²`, of
+    /// which the first term is the variance caused by the rows.
     fn rows(&self, functions: &DMatrix<f64>) -> Rows {
         match self.pooled {
             Some((variance, freedom)) => {

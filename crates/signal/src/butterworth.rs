@@ -175,8 +175,8 @@ impl Butterworth {
         3 * (self.order + 1)
     }
 
-    /// Filters forward and backward in place with scipy's `filtfilt` default padding (odd, 3·(order
-    /// + 1) samples); runs without NaN are filtered separately; runs not longer than the padding
+    /// Filters forward and backward in place with scipy's `filtfilt` default padding (odd, of
+    /// 3·(order + 1) samples); runs without NaN are filtered separately; runs not longer than the padding
     /// become NaN.
     ///
     /// Returns the number of samples lost in this way. This is the scalar version;
