@@ -9,7 +9,7 @@ use std::fs;
 
 /// The same motion with markers, and as exact poses of segments.
 const SCENARIO: &str = "name: cast\nseed: 11\nbody:\n  kind: human\n  person: {sex: M, height_m: 1.80, mass_kg: 78.0}\n  protocol: {jumps: 2, flights: [2, 2], exercises: 1, exercise_s: 4.0, static_s: 1.0, plates: false}\ncapture: {point_rate_hz: 100.0, gap_fraction: 0.0";
-const POSES: &str = ", markerless: {center_sd_m: 0.0, noise_m: 0.0002, noise_rad: 0.0005, cutoff_hz: 40.0}";
+const POSES: &str = ", markerless: {centre_sd_m: 0.0, noise_m: 0.0002, noise_rad: 0.0005, cutoff_hz: 40.0}";
 
 /// Plates: segment of the poses, link, middle in the segment (x right, y forwards, z up), m.
 const PLATES: [(&str, &str, [f64; 3]); 10] = [

@@ -310,7 +310,7 @@ impl Setting<'_> {
     ) -> Result<ErrorsInVariables, StageFailure> {
         let model = &self.recorded[0].rows.subject.model;
         let chosen = match estimator(&identify::Params::of(self.session), rows) {
-            Estimator::Regularized { .. } => Estimator::Regularized { weight: Some(parameters.prior_weight.max(1.0)) },
+            Estimator::Regularised { .. } => Estimator::Regularised { weight: Some(parameters.prior_weight.max(1.0)) },
             other => other,
         };
         let weak = weak_options(self.session.config.regressor.window_s);

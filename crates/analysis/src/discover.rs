@@ -95,7 +95,7 @@ pub struct Evidence {
     base: BaseParameters,
     phi: Vec<aloft_body::Phi>,
     prior: Option<Prior>,
-    plate_centers_m: Vec<Vector3<f64>>,
+    plate_centres_m: Vec<Vector3<f64>>,
     weak: WeakOptions,
 }
 
@@ -146,10 +146,10 @@ impl Evidence {
             Some(links.base(&base).map_err(|e| wrong(&e))?)
         };
         let mut rows = rows;
-        let plate_centers_m = same_plates(&mut rows);
+        let plate_centres_m = same_plates(&mut rows);
         let window = session.config.regressor.window_s;
         let weak = WeakOptions { window_s: (window > 0.0).then_some(window), ..WeakOptions::default() };
-        Ok(Self { rows, groups, subject, base, phi, prior, plate_centers_m, weak })
+        Ok(Self { rows, groups, subject, base, phi, prior, plate_centres_m, weak })
     }
 
     fn body(&self) -> Body<'_> {
@@ -159,7 +159,7 @@ impl Evidence {
             phi: &self.phi,
             prior: self.prior.as_ref(),
             mass_kg: self.subject.facts.mass_kg,
-            plate_centers_m: &self.plate_centers_m,
+            plate_centres_m: &self.plate_centres_m,
         }
     }
 
@@ -212,9 +212,9 @@ impl Evidence {
 fn same_plates(rows: &mut [TrialRows]) -> Vec<Vector3<f64>> {
     let mut names: Vec<(String, Vector3<f64>)> = Vec::new();
     for row in rows.iter() {
-        for (plate, center) in row.trial.plates.iter().zip(&row.plate_centers_m) {
+        for (plate, centre) in row.trial.plates.iter().zip(&row.plate_centres_m) {
             if !names.iter().any(|(n, _)| *n == plate.name) {
-                names.push((plate.name.clone(), *center));
+                names.push((plate.name.clone(), *centre));
             }
         }
     }
@@ -231,7 +231,7 @@ fn same_plates(rows: &mut [TrialRows]) -> Vec<Vector3<f64>> {
             || PlateSeries { force_n: vec![Vector3::zeros(); frames], moment_nm: vec![Vector3::zeros(); frames] };
         let own = |name: &String| row.trial.plates.iter().position(|p| p.name == *name);
         row.plates = names.iter().map(|(name, _)| own(name).map_or_else(silent, |i| row.plates[i].clone())).collect();
-        row.plate_centers_m = names.iter().map(|(_, center)| *center).collect();
+        row.plate_centres_m = names.iter().map(|(_, centre)| *centre).collect();
     }
     names.into_iter().map(|(_, c)| c).collect()
 }
@@ -303,7 +303,7 @@ fn found(
         ));
     }
     let scene = bench.session.scene();
-    let volume = Volume { middle_m: scene.volume_center_m.into(), reach_m: scene.volume_reach_m };
+    let volume = Volume { middle_m: scene.volume_centre_m.into(), reach_m: scene.volume_reach_m };
     let errors = compare(session).map(|view| view.errors).unwrap_or_default();
     let mut options = options.clone();
     let mut refused = Vec::new();

@@ -172,15 +172,15 @@ fn page(f: &FormulaEffect, origin: &str) -> EffectPage {
 fn scene(session: &SubjectSession) -> Result<Scene, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let subject: Subject = read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json"))?;
-    let mut centers = Vec::new();
+    let mut centres = Vec::new();
     for t in session.included() {
-        let plates = aloft_workspace::artifact::plate_centers(&ws.place("import", &t.name)).unwrap_or_default();
+        let plates = aloft_workspace::artifact::plate_centres(&ws.place("import", &t.name)).unwrap_or_default();
         if !plates.is_empty() {
-            centers = plates;
+            centres = plates;
             break;
         }
     }
-    Ok(Scene::new(&subject.model, &subject.prior_phi(), &centers))
+    Ok(Scene::new(&subject.model, &subject.prior_phi(), &centres))
 }
 
 /// Adds an effect as a new revision and brings the results that depend on it up to date. The
@@ -265,7 +265,7 @@ impl Asked {
     pub fn scene(&self, session: &SubjectSession) -> Result<Scene, PipelineError> {
         let mut scene = scene(session)?;
         if let Some(v) = &self.volume {
-            (scene.volume_center_m, scene.volume_reach_m) = (v.middle_m.into(), v.reach_m);
+            (scene.volume_centre_m, scene.volume_reach_m) = (v.middle_m.into(), v.reach_m);
         }
         Ok(scene)
     }

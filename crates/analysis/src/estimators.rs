@@ -248,7 +248,7 @@ fn of_geometry(
     let validated = has_validation(trials);
     let weight = (session.config.identify.prior_weight > 0.0).then_some(session.config.identify.prior_weight);
     let estimators = [
-        Estimator::Regularized { weight },
+        Estimator::Regularised { weight },
         Estimator::MassConstrained,
         Estimator::NullVector(ColumnScaling::default()),
     ];

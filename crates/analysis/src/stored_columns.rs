@@ -37,7 +37,7 @@ struct FactorHead {
 #[derive(Serialize, Deserialize)]
 struct WindowsHead {
     effects: Vec<String>,
-    center_s: Vec<f64>,
+    centre_s: Vec<f64>,
     in_flight: Vec<bool>,
     path: Vec<[f64; 3]>,
     shape: (usize, usize),
@@ -82,7 +82,7 @@ pub(crate) fn save(folder: &Path, made_from: &str, rows: &TrialColumns) -> Resul
         values.extend(w.rows.iter());
         WindowsHead {
             effects: w.effects.clone(),
-            center_s: w.center_s.clone(),
+            centre_s: w.centre_s.clone(),
             in_flight: w.in_flight.clone(),
             path: w.path.iter().map(|p| (*p).into()).collect(),
             shape: w.rows.shape(),
@@ -128,7 +128,7 @@ pub(crate) fn load(folder: &Path, trial: &str, made_from: &str) -> Option<TrialC
         Some(w) => Some(WindowRows {
             rows: DMatrix::from_column_slice(w.shape.0, w.shape.1, take(w.shape.0 * w.shape.1)?),
             effects: w.effects,
-            center_s: w.center_s,
+            centre_s: w.centre_s,
             in_flight: w.in_flight,
             path: w.path.into_iter().map(Vector3::from).collect(),
         }),
@@ -150,7 +150,7 @@ mod tests {
         let windows = WindowRows {
             rows: DMatrix::from_fn(12, 4, |i, j| (i * 4 + j) as f64 / 3.0),
             effects: vec!["e.k".into()],
-            center_s: vec![0.1, 0.2],
+            centre_s: vec![0.1, 0.2],
             in_flight: vec![false, true],
             path: vec![Vector3::new(0.0, 1.0, 2.0), Vector3::zeros()],
         };
@@ -165,8 +165,8 @@ mod tests {
         assert_eq!((back.factors, back.finite), (rows().factors, rows().finite));
         let (a, b) = (back.windows.unwrap(), rows().windows.unwrap());
         assert_eq!(
-            (a.rows, a.effects, a.center_s, a.in_flight, a.path),
-            (b.rows, b.effects, b.center_s, b.in_flight, b.path)
+            (a.rows, a.effects, a.centre_s, a.in_flight, a.path),
+            (b.rows, b.effects, b.centre_s, b.in_flight, b.path)
         );
     }
 

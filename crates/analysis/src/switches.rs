@@ -377,7 +377,7 @@ impl Switches {
                 let windows = trial.windows.as_ref();
                 let errors = windows.map_or_else(Vec::new, |w| w.errors(&own.0, &own.1, trial.offset.as_ref()));
                 let cut = |at: f64| left_out.cuts(&trial.name).any(|c| (c.from_s..=c.to_s).contains(&at));
-                let counts = windows.iter().flat_map(|w| &w.center_s).map(|at| !cut(*at)).collect();
+                let counts = windows.iter().flat_map(|w| &w.centre_s).map(|at| !cut(*at)).collect();
                 Predicted { trial, errors, counts, remark }
             })
             .collect();

@@ -44,8 +44,8 @@ fn scene(name: &str, plates: usize) -> Result<Scene, PipelineError> {
     for i in 4..7 {
         phi[i] = 0.01;
     }
-    let centers: Vec<Vector3<f64>> = (0..plates).map(|i| Vector3::new(i as f64, 0.0, 0.0)).collect();
-    Ok(Scene::new(&model, &vec![phi; model.n_links()], &centers))
+    let centres: Vec<Vector3<f64>> = (0..plates).map(|i| Vector3::new(i as f64, 0.0, 0.0)).collect();
+    Ok(Scene::new(&model, &vec![phi; model.n_links()], &centres))
 }
 
 /// Markdown with one row for each coefficient and parameter, the reason why some have no bound, and

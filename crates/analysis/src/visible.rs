@@ -54,7 +54,7 @@ pub fn refuse_invisible(
     if factors.is_empty() {
         return Ok(());
     }
-    let has_prior = matches!(own_estimator, Estimator::Regularized { .. });
+    let has_prior = matches!(own_estimator, Estimator::Regularised { .. });
     let visible = Visible::among(&factors, has_prior).map_err(|e| PipelineError::request(e.to_string()))?;
     let own: Vec<(&str, &Unseen)> = visible.unseen().filter(|(n, _)| names.iter().any(|own| own == n)).collect();
     let repeated = own.iter().find_map(|(name, why)| match why {
@@ -81,7 +81,7 @@ pub fn refuse_invisible(
         Unseen::Body(_) => {
             "record trials with it and trials without it, so that the body's parameters cannot take its place"
         }
-        Unseen::TooFewRows => "record more flights, or identify with tables (`estimator: regularized`)",
+        Unseen::TooFewRows => "record more flights, or identify with tables (`estimator: regularised`)",
     };
     Err(PipelineError::request_hint(problem, hint))
 }

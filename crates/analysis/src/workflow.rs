@@ -123,15 +123,14 @@ fn plan(member: &Member<'_>) -> Value {
         .collect();
     let hashes: serde_json::Map<String, Value> =
         STAGES.iter().map(|s| (s.name.to_owned(), json!(seen(s, session)))).collect();
-    let identify: Vec<String> =
-        session.included().filter(|t| t.role == Role::Identify).map(|t| names::file(&t.name)).collect();
+    let tree = merge::Tree::of(session);
     json!({
         "words": member.describe(),
         "trials": trials,
-        "identify": identify,
+        "merged": tree.trials().iter().map(|t| names::file(t)).collect::<Vec<_>>(),
         "static_frames": session.config.trials.static_frames.as_ref().map(|f| names::file(&f.trial)),
         "seen": hashes,
-        "merge": merge::Tree::of(session).levels(),
+        "merge": tree.levels(),
         "ends": ends(session),
     })
 }
@@ -175,8 +174,11 @@ fn inputs(stage: &Stage) -> Vec<String> {
                 }
             }
             Need::Every(name, roles) if implied(stage, name, roles) => {}
-            Need::Every(name, roles) | Need::EveryOrStaticFrames(name, roles) => {
+            Need::Every(name, roles) => {
                 out.push(format!("every({}, {})", python(name), description_of_roles(roles)));
+            }
+            Need::EveryOrStaticFrames(name, roles) => {
+                out.push(format!("every({}, {}, with_static=True)", python(name), description_of_roles(roles)));
             }
         }
     }
@@ -249,6 +251,7 @@ pub fn plan_of(members: &[Member<'_>], call: &Call) -> Result<Value, PipelineErr
         "chosen": call.chosen,
         "verdict": verdict_name(&call.chosen),
         "workspace": workspace,
+        "read_merged": merge::readers(),
         "studies": studies,
     }))
 }
@@ -314,12 +317,13 @@ def every_end(w):
     return [f"{{MARKS}}/{{key}}/{{end}}.done" for key, study in STUDIES.items() for end in study["ends"]]
 
 
-def every(stage, roles):
-    """Marks of a stage for all trials that play one of the roles."""
+def every(stage, roles, with_static=False):
+    """Marks of a stage for all trials that play one of the roles, and for the one whose frames are the static posture."""
 
     def of(w):
         study = STUDIES[w.study]
-        names = [n for n, t in study["trials"].items() if t["role"] in roles or n == study["static_frames"] and stage == "import"]
+        static = study["static_frames"] if with_static else None
+        names = [n for n, t in study["trials"].items() if t["role"] in roles or n == static]
         return [f"{{MARKS}}/{{w.study}}/{{stage}}/{{n}}.done" for n in names]
 
     return of
@@ -332,7 +336,7 @@ def merge_node(w):
     if level > 1:
         below = study["merge"][level - 2]
         return [f"{{MARKS}}/{{w.study}}/merge/{{level - 1}}-{{i}}.done" for i in range(first, min(last, below))]
-    return [f"{{MARKS}}/{{w.study}}/{{s}}/{{n}}.done" for n in study["identify"][first:last] for s in {leaves}]
+    return [f"{{MARKS}}/{{w.study}}/{{s}}/{{n}}.done" for n in study["merged"][first:last] for s in {leaves}]
 
 
 def root_of_merges(w):
@@ -385,7 +389,7 @@ const MERGE_RULE: &str = r#"rule merge:
         MARKS + "/{session}/merge/{level}-{index}.log",
     params:
         words=lambda w: STUDIES[w.study]["words"],
-        seen=lambda w: STUDIES[w.study]["seen"]["identify"],
+        seen=lambda w: [STUDIES[w.study]["seen"][s] for s in PLAN["read_merged"]],
     threads: 1
     shell:
         "{ALOFT} merge {PIPELINE:q} {FOLDERS:q} {params.words:q} --node {wildcards.level}-{wildcards.index} > {log:q} 2>&1 || test $? -eq 1"

@@ -137,7 +137,7 @@ impl FrameBatch {
     }
 
     /// Centre of mass of every frame relative to the common origin, common axes, m.
-    pub fn center_of_mass(&self, phi: &[Phi]) -> [Vector3<f64>; LANES] {
+    pub fn centre_of_mass(&self, phi: &[Phi]) -> [Vector3<f64>; LANES] {
         let mass: f64 = phi.iter().map(|phi| phi[0]).sum();
         let mut moment = [Vector3::zeros(); LANES];
         for (link, phi) in self.links.iter().zip(phi) {

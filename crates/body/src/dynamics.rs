@@ -74,7 +74,7 @@ impl State {
     }
 
     /// Whole-body mass and centre of mass in the world. Needs poses.
-    pub fn center_of_mass(&self, phi: &[Phi]) -> (f64, Vector3<f64>) {
+    pub fn centre_of_mass(&self, phi: &[Phi]) -> (f64, Vector3<f64>) {
         let (mut mass, mut moment) = (0.0, Vector3::zeros());
         for (i, phi) in phi.iter().enumerate() {
             mass += phi[0];
@@ -85,7 +85,7 @@ impl State {
 
     /// Velocity of the whole-body centre of mass in the world, m/s. Needs
     /// [`State::forward_velocity`].
-    pub fn center_of_mass_velocity(&self, phi: &[Phi]) -> Vector3<f64> {
+    pub fn centre_of_mass_velocity(&self, phi: &[Phi]) -> Vector3<f64> {
         let (mut mass, mut total) = (0.0, Vector3::zeros());
         for (i, phi) in phi.iter().enumerate() {
             let v = &self.velocity[i];

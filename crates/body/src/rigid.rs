@@ -38,12 +38,12 @@ pub fn fit_pose(local: &[Vector3<f64>], world: &[Vector3<f64>], min_spread_m: f6
         return None;
     }
     let scale = 1.0 / n as f64;
-    let center_local = local.iter().sum::<Vector3<f64>>() * scale;
-    let center_world = world.iter().sum::<Vector3<f64>>() * scale;
+    let centre_local = local.iter().sum::<Vector3<f64>>() * scale;
+    let centre_world = world.iter().sum::<Vector3<f64>>() * scale;
     let mut covariance = Matrix3::zeros();
     let mut shape = Matrix3::zeros();
     for (l, w) in local.iter().zip(world) {
-        let (l, w) = (l - center_local, w - center_world);
+        let (l, w) = (l - centre_local, w - centre_world);
         covariance += w * l.transpose();
         shape += l * l.transpose();
     }
@@ -55,7 +55,7 @@ pub fn fit_pose(local: &[Vector3<f64>], world: &[Vector3<f64>], min_spread_m: f6
     }
     let (rotation, _) = best_rotation(&covariance, SVD_TOLERANCE)?;
     let rotation = Rotation3::from_matrix_unchecked(rotation);
-    let translation = center_world - rotation * center_local;
+    let translation = centre_world - rotation * centre_local;
     Some(Isometry3::from_parts(Translation3::from(translation), UnitQuaternion::from_rotation_matrix(&rotation)))
 }
 

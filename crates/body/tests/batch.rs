@@ -42,7 +42,7 @@ fn compare(model: &Model, random: &mut Random) {
     batch.forward_velocity(model, &q, &v, &origin);
     batch.momentum_rows(&base, &mut momentum);
     batch.first_moment_rows(&base, &mut moment);
-    let centers = batch.center_of_mass(&phi);
+    let centres = batch.centre_of_mass(&phi);
 
     let mut state = State::new(model);
     let mut rows = DMatrix::zeros(6, base.len());
@@ -55,8 +55,8 @@ fn compare(model: &Model, random: &mut Random) {
         close("momentum", lane_of(6, &momentum, lane).as_slice(), rows.as_slice(), 1e-14);
         state.first_moment_rows(&base, &origin, &mut rows3);
         close("first moment", lane_of(3, &moment, lane).as_slice(), rows3.as_slice(), 1e-14);
-        let alone = state.center_of_mass(&phi).1 - origin;
-        close("centre of mass", centers[lane].as_slice(), alone.as_slice(), 1e-14);
+        let alone = state.centre_of_mass(&phi).1 - origin;
+        close("centre of mass", centres[lane].as_slice(), alone.as_slice(), 1e-14);
     }
 }
 

@@ -33,7 +33,7 @@ fn count(model: &Model) -> u64 {
         batch.forward_velocity(model, &qs, &vs, &origin);
         batch.momentum_rows(&base, &mut lanes);
         batch.first_moment_rows(&base, &mut lanes3);
-        batch.center_of_mass(&phi);
+        batch.centre_of_mass(&phi);
         state.forward_acceleration(model, &q, &v, &a);
         state.point_jacobian(model, last, &origin, &mut jacobian);
         state.inverse_dynamics(model, &phi, &mut tau);
@@ -44,7 +44,7 @@ fn count(model: &Model) -> u64 {
         state.momentum_rows(&base, &origin, &mut rows);
         state.first_moment_regressor(model, &origin, &mut full3);
         state.first_moment_rows(&base, &origin, &mut rows3);
-        state.center_of_mass(&phi);
+        state.centre_of_mass(&phi);
         model.integrate(&q, &v, &mut out);
         model.difference(&q, &out, &mut tau);
         model.normalize(&mut out);

@@ -95,11 +95,11 @@ fn validate_dynamics() {
         let mut tau = vec![0.0; model.nv];
         state.inverse_dynamics(model, phi, &mut tau);
         close(&format!("{name}: tau"), &tau, &numbers(&frame["tau"]), TOLERANCE);
-        let (mass, com) = state.center_of_mass(phi);
+        let (mass, com) = state.centre_of_mass(phi);
         close(&format!("{name}: mass"), &[mass], &[frame["mass"].as_f64().unwrap()], TOLERANCE);
         close(&format!("{name}: centre of mass"), com.as_slice(), &numbers(&frame["com"]), TOLERANCE);
         let momentum = numbers(&frame["momentum_about_world_origin"]);
-        let com_velocity = state.center_of_mass_velocity(phi) * mass;
+        let com_velocity = state.centre_of_mass_velocity(phi) * mass;
         close(&format!("{name}: momentum"), com_velocity.as_slice(), &momentum[..3], TOLERANCE);
         let mut rows = DMatrix::zeros(6, 10 * model.n_links());
         state.momentum_regressor(model, &Vector3::zeros(), &mut rows);

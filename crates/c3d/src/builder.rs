@@ -234,7 +234,7 @@ fn add_plate_channels(file: &mut C3dFile, index: usize, wrench: &PlateWrench) ->
         return Err(fail(format!("{} forces, {} moments", wrench.force_n.len(), wrench.moment_nm.len())));
     }
     let plate_from_world = frame.world_from_plate.transpose();
-    let sensor_in_world = (frame.center - frame.world_from_plate * Vector3::from(plate.origin)) * metres;
+    let sensor_in_world = (frame.centre - frame.world_from_plate * Vector3::from(plate.origin)) * metres;
     let mut channels: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(wrench.force_n.len()));
     for (force, moment) in wrench.force_n.iter().zip(&wrench.moment_nm) {
         let (force, moment) = (Vector3::from(*force), Vector3::from(*moment));

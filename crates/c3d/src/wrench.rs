@@ -26,7 +26,7 @@ pub struct PlateFrame {
     /// Columns: plate x, y, z in world axes. Orthonormal, right-handed.
     pub world_from_plate: Matrix3<f64>,
     /// Centre of the surface.
-    pub center: Vector3<f64>,
+    pub centre: Vector3<f64>,
     /// Half the size along plate x and y.
     pub half_size: [f64; 2],
 }
@@ -47,7 +47,7 @@ impl PlateDescription {
         let finite = sizes.iter().all(|s| s.is_finite());
         (spans && finite).then(|| PlateFrame {
             world_from_plate: Matrix3::from_columns(&[x, y, z]),
-            center: (a + b + c + d) / 4.0,
+            centre: (a + b + c + d) / 4.0,
             half_size: sizes.map(|s| s / 2.0),
         })
     }
@@ -122,7 +122,7 @@ impl C3dFile {
         let sign = reaction_sign(&inside.force_n, up_in_plate, &mut warn);
 
         let rotation = frame.world_from_plate;
-        let reference_in_world = frame.center * metres + rotation * inside.reference_m;
+        let reference_in_world = frame.centre * metres + rotation * inside.reference_m;
         let mut force_n = Vec::with_capacity(inside.force_n.len());
         let mut moment_nm = Vec::with_capacity(inside.force_n.len());
         for (force, moment) in inside.force_n.iter().zip(&inside.moment_nm) {
@@ -294,7 +294,7 @@ fn markers_above(file: &C3dFile, frame: &PlateFrame, axis: usize, metres: f64) -
         .points
         .iter()
         .flat_map(|p| p.xyz.iter().step_by(step))
-        .map(|xyz| (f64::from(xyz[axis]) - frame.center[axis]) * metres)
+        .map(|xyz| (f64::from(xyz[axis]) - frame.centre[axis]) * metres)
         .filter(|h| h.is_finite())
         .collect();
     if heights.is_empty() {

@@ -179,20 +179,20 @@ fn plate_deviation(file: &C3dFile, index: usize, theirs: &Value) -> Option<Strin
     };
     let metres = file.metres_per_point_unit().unwrap_or(1e-3);
     let frame = file.plates[index].frame()?;
-    let center = frame.center * metres;
-    let about_center: Vec<[f64; 3]> = wrench
+    let centre = frame.centre * metres;
+    let about_centre: Vec<[f64; 3]> = wrench
         .force_n
         .iter()
         .zip(&wrench.moment_nm)
         .map(|(f, m)| {
             let (f, m) = (nalgebra::Vector3::from(*f), nalgebra::Vector3::from(*m));
-            (m - center.cross(&f)).into()
+            (m - centre.cross(&f)).into()
         })
         .collect();
     // Pairs of their and our values, relative to the largest of each quantity.
     let mut pairs: [Vec<(f64, f64)>; 2] = Default::default();
     for (quantity, (key, mine, unit)) in
-        [("force", &wrench.force_n, 1.0), ("moment", &about_center, metres)].into_iter().enumerate()
+        [("force", &wrench.force_n, 1.0), ("moment", &about_centre, metres)].into_iter().enumerate()
     {
         let size = mine.iter().flatten().filter(|v| v.is_finite()).fold(1e-9, |m: f64, v| m.max(v.abs()));
         for k in 0..3 {

@@ -129,22 +129,22 @@ fn types_against_hand_made_channels() {
     let plate_from_world = frame.world_from_plate.transpose();
     let vector = |v: [f64; 3]| nalgebra::Vector3::from(v);
     // Force and moment about the centre of the surface, in plate axes.
-    let at_center: Vec<_> = wrench
+    let at_centre: Vec<_> = wrench
         .force_n
         .iter()
         .zip(&wrench.moment_nm)
         .map(|(f, m)| {
-            let moment = vector(*m) - (frame.center * 1e-3).cross(&vector(*f));
+            let moment = vector(*m) - (frame.centre * 1e-3).cross(&vector(*f));
             (plate_from_world * vector(*f), plate_from_world * moment)
         })
         .collect();
     let channels = |of: &dyn Fn(usize, usize) -> f64, n: usize| -> Vec<Vec<f64>> {
-        (0..n).map(|k| (0..at_center.len()).map(|i| of(i, k)).collect()).collect()
+        (0..n).map(|k| (0..at_centre.len()).map(|i| of(i, k)).collect()).collect()
     };
     // Type 1: centre of pressure and free moment.
     let one = channels(
         &|i, k| {
-            let (f, m) = at_center[i];
+            let (f, m) = at_centre[i];
             let place = if f.z == 0.0 { [0.0; 2] } else { [-m.y / f.z, m.x / f.z] };
             match k {
                 0..=2 => f[k],
@@ -159,7 +159,7 @@ fn types_against_hand_made_channels() {
     let (a, b, depth) = (0.25, 0.2, -0.048);
     let three = channels(
         &|i, k| {
-            let (f, m) = at_center[i];
+            let (f, m) = at_centre[i];
             let (mx, my) = (m.x - f.y * depth, m.y + f.x * depth);
             let posts = |sx: f64, sy: f64| 0.25 * (f.z + sy * mx / b - sx * my / a);
             // mz = b (x34 - x12) + a (y14 - y23)
@@ -284,13 +284,13 @@ fn validate_recorded_plates_push_up_and_inside() {
                     continue;
                 }
                 up += force[2];
-                let height = frame.center.z * metres;
+                let height = frame.centre.z * metres;
                 let place = nalgebra::Vector3::new(
                     (height * force[0] - moment[1]) / force[2],
                     (moment[0] + height * force[1]) / force[2],
                     height,
                 );
-                let local = frame.world_from_plate.transpose() * (place - frame.center * metres);
+                let local = frame.world_from_plate.transpose() * (place - frame.centre * metres);
                 loaded += 1;
                 let within = |k: usize| local[k].abs() < 1.05 * frame.half_size[k] * metres;
                 inside += usize::from(within(0) && within(1));

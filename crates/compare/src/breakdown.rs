@@ -153,8 +153,8 @@ impl GroupSums {
             self.frames[usize::from(g)].add(e, rotation);
         }
     }
-    pub fn add_window(&mut self, grouping: &Grouping, trial: usize, center: usize, e: &nalgebra::Vector6<f64>) {
-        for &g in grouping.groups(trial, center) {
+    pub fn add_window(&mut self, grouping: &Grouping, trial: usize, centre: usize, e: &nalgebra::Vector6<f64>) {
+        for &g in grouping.groups(trial, centre) {
             self.windows[usize::from(g)].add(e);
         }
     }
@@ -260,7 +260,7 @@ impl Grouping {
                 sums.add_frame(self, trial, r.frame, &r.residual[which], &r.world_from_root.rotation);
             }
             for w in &windows.windows {
-                sums.add_window(self, trial, w.center, &w.residual[which]);
+                sums.add_window(self, trial, w.centre, &w.residual[which]);
             }
         }
         let of = |((head, f), w): ((&Head, &WrenchSums), &Sums)| Group {

@@ -35,7 +35,7 @@ pub struct PlateDrift {
     /// axes.
     rate: Vector6<f64>,
     /// Centres of the plates, m.
-    centers: Vec<Vector3<f64>>,
+    centres: Vec<Vector3<f64>>,
     /// Times at which the plates of this recording were unloaded, s: the drift is known there.
     times_s: Vec<f64>,
 }
@@ -47,15 +47,15 @@ fn about(wrench: &Vector6<f64>, point: &Vector3<f64>) -> Vector6<f64> {
     Vector6::new(force.x, force.y, force.z, m.x, m.y, m.z)
 }
 
-/// White density of one plate about its centre, from that of the sum of `centers.len()` identical
+/// White density of one plate about its centre, from that of the sum of `centres.len()` identical
 /// plates about the world origin.
-fn density_of_one(total: &Vector6<f64>, centers: &[Vector3<f64>]) -> Vector6<f64> {
-    let n = centers.len().max(1) as f64;
+fn density_of_one(total: &Vector6<f64>, centres: &[Vector3<f64>]) -> Vector6<f64> {
+    let n = centres.len().max(1) as f64;
     let force: Vector3<f64> = total.fixed_rows::<3>(0) / n;
     let mut out = total / n;
     for axis in 0..3 {
         let (y, z) = ((axis + 1) % 3, (axis + 2) % 3);
-        let lever: f64 = centers.iter().map(|c| c[y].powi(2) * force[z] + c[z].powi(2) * force[y]).sum::<f64>() / n;
+        let lever: f64 = centres.iter().map(|c| c[y].powi(2) * force[z] + c[z].powi(2) * force[y]).sum::<f64>() / n;
         out[3 + axis] = (out[3 + axis] - lever).max(0.0);
     }
     out
@@ -69,15 +69,15 @@ impl PlateDrift {
     pub fn of(others: &[&TareReadings], noise_density: &Vector6<f64>, times_s: Vec<f64>) -> Option<Self> {
         let (mut sum, mut squares) = (Vector6::zeros(), 0.0);
         for readings in others {
-            let centers: Vec<Vector3<f64>> = readings.plates.iter().map(|p| p.0).collect();
+            let centres: Vec<Vector3<f64>> = readings.plates.iter().map(|p| p.0).collect();
             // the variance of a mean is the density over twice the length; the difference of two
             // readings has twice that
-            let noise = density_of_one(noise_density, &centers) * (MEDIAN / readings.length_s.max(1e-3));
-            for (center, wrench) in &readings.plates {
+            let noise = density_of_one(noise_density, &centres) * (MEDIAN / readings.length_s.max(1e-3));
+            for (centre, wrench) in &readings.plates {
                 for j in 1..readings.times_s.len().min(wrench.len()) {
                     for i in 0..j {
                         let apart = readings.times_s[j] - readings.times_s[i];
-                        let change = about(&(wrench[j] - wrench[i]), center);
+                        let change = about(&(wrench[j] - wrench[i]), centre);
                         sum += (change.component_mul(&change) - noise) * apart.powi(2);
                         squares += apart.powi(4);
                     }
@@ -91,8 +91,8 @@ impl PlateDrift {
         let horizontal = |i: usize| (0.5 * (rate[i] + rate[i + 1])).max(0.0);
         let (force, moment) = (horizontal(0), horizontal(3));
         let rate = Vector6::new(force, force, rate[2].max(0.0), moment, moment, rate[5].max(0.0));
-        let centers = others.iter().find(|r| !r.plates.is_empty())?.plates.iter().map(|p| p.0).collect();
-        Some(Self { rate, centers, times_s })
+        let centres = others.iter().find(|r| !r.plates.is_empty())?.plates.iter().map(|p| p.0).collect();
+        Some(Self { rate, centres, times_s })
     }
 
     /// Variance of one plate's rate of drift, about its centre ((N/s)², (N·m/s)²).
@@ -104,12 +104,12 @@ impl PlateDrift {
     /// the times at which the recording shows the plates unloaded, constant beyond.
     pub(crate) fn draw(&self, n: usize, rate_hz: f64, rng: &mut ChaCha8Rng) -> Vec<Vector6<f64>> {
         let mut rate = Vector6::zeros();
-        for center in &self.centers {
+        for centre in &self.centres {
             let own = self.rate.map(|r| -> f64 {
                 let normal: f64 = StandardNormal.sample(rng);
                 r.sqrt() * normal
             });
-            rate += about(&own, &-center);
+            rate += about(&own, &-centre);
         }
         let walk: Vec<Vector6<f64>> = (0..n).map(|f| rate * (f as f64 / rate_hz)).collect();
         let known: Vec<(f64, Vector6<f64>)> = self
@@ -139,15 +139,15 @@ mod tests {
 
     #[test]
     fn a_drift_is_recovered_from_readings_and_vanishes_where_it_is_known() {
-        let centers: [Vector3<f64>; 2] = [Vector3::new(0.3, 0.2, 0.0), Vector3::new(-0.3, 0.1, 0.01)];
+        let centres: [Vector3<f64>; 2] = [Vector3::new(0.3, 0.2, 0.0), Vector3::new(-0.3, 0.1, 0.01)];
         let rate = Vector6::new(0.02, 0.02, 0.05, 0.001, 0.001, 0.003);
-        let one = |center| PlateDrift { rate, centers: vec![center], times_s: Vec::new() };
+        let one = |centre| PlateDrift { rate, centres: vec![centre], times_s: Vec::new() };
         let (rate_hz, length_s) = (100.0, 0.5);
         let (force, moment) = (2e-3, 2e-4);
         let mut rng = ChaCha8Rng::seed_from_u64(5);
         let mut density = Vector6::zeros();
         let own = Vector6::new(force, force, force, moment, moment, moment);
-        for c in centers {
+        for c in centres {
             for axis in 0..3 {
                 let (y, z) = ((axis + 1) % 3, (axis + 2) % 3);
                 density[axis] += force;
@@ -158,7 +158,7 @@ mod tests {
             .map(|_| {
                 let times_s = vec![1.0, 2.0, 3.5];
                 let sd = own.map(|d: f64| (0.5 * MEDIAN * d / length_s).sqrt());
-                let plates = centers
+                let plates = centres
                     .iter()
                     .map(|c| {
                         let walk = one(*c).draw(500, rate_hz, &mut rng);

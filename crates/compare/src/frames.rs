@@ -36,7 +36,8 @@ pub struct TrialSeries {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WindowSample {
     /// Time of the middle of the window since the first frame, s.
-    pub center_s: f64,
+    #[serde(alias = "center_s")]
+    pub centre_s: f64,
     /// True in a flight, false in contact.
     pub in_flight: bool,
     /// `residual[model]`: force (N) and moment (N·m) in world axes, the moment about the path of
@@ -188,8 +189,8 @@ pub(crate) fn trial_frames(
             place,
             world_from_root,
             features: Features {
-                speed: state.center_of_mass_velocity(body.prior).norm(),
-                acceleration: center_of_mass_acceleration(&state, body.prior).norm(),
+                speed: state.centre_of_mass_velocity(body.prior).norm(),
+                acceleration: centre_of_mass_acceleration(&state, body.prior).norm(),
                 turning: state.velocity[0].fixed_rows::<3>(3).norm(),
                 posture: radius_of_gyration(&state, body.prior),
             },
@@ -214,7 +215,7 @@ pub(crate) fn trial_frames(
 }
 
 /// Acceleration of the whole body's centre of mass, m/s², world axes.
-fn center_of_mass_acceleration(state: &State, prior: &[Phi]) -> Vector3<f64> {
+fn centre_of_mass_acceleration(state: &State, prior: &[Phi]) -> Vector3<f64> {
     let mass: f64 = prior.iter().map(|p| p[0]).sum();
     // a(p) = a(o) + (matrix) p, so the first moments give the sum over a link's mass
     let of_link = |(i, p): (usize, &Phi)| {
@@ -227,13 +228,13 @@ fn center_of_mass_acceleration(state: &State, prior: &[Phi]) -> Vector3<f64> {
 
 /// √(Σ m |c − c₀|² / Σ m) over the links' centres of mass c, m.
 fn radius_of_gyration(state: &State, prior: &[Phi]) -> f64 {
-    let (mass, center) = state.center_of_mass(prior);
+    let (mass, centre) = state.centre_of_mass(prior);
     let of_link = |(i, p): (usize, &Phi)| {
         let m = p[0];
         if m <= 0.0 {
             return 0.0;
         }
-        m * (state.point_in_world(i, &(Vector3::new(p[1], p[2], p[3]) / m)) - center).norm_squared()
+        m * (state.point_in_world(i, &(Vector3::new(p[1], p[2], p[3]) / m)) - centre).norm_squared()
     };
     (prior.iter().enumerate().map(of_link).sum::<f64>() / mass).max(0.0).sqrt()
 }

@@ -160,7 +160,7 @@ struct FloorFrame {
 #[derive(Debug, Clone)]
 struct FloorWindow {
     draw: usize,
-    center: usize,
+    centre: usize,
     contact: bool,
     error: Vector6<f64>,
 }
@@ -193,7 +193,7 @@ impl NoiseFloor {
                     }
                     sums[w.draw].add(&w.error);
                 }
-                groups.add_window(grouping, trial, w.center, &w.error);
+                groups.add_window(grouping, trial, w.centre, &w.error);
             }
         }
         let total = |draws: &[Sums]| {
@@ -467,10 +467,10 @@ fn add_windows(
 ) {
     let mut errors: Vec<(bool, usize, Vector3<f64>, Vector6<f64>)> = Vec::new();
     for ((flying, plain), (_, noisy)) in plain.iter().zip(noisy) {
-        for ((a, b), (&center, path)) in
-            plain.wrench.iter().zip(&noisy.wrench).zip(plain.centers.iter().zip(&plain.path))
+        for ((a, b), (&centre, path)) in
+            plain.wrench.iter().zip(&noisy.wrench).zip(plain.centres.iter().zip(&plain.path))
         {
-            errors.push((!flying, center, *path, b - a));
+            errors.push((!flying, centre, *path, b - a));
         }
     }
     let constant = if offset {
@@ -479,9 +479,9 @@ fn add_windows(
     } else {
         None
     };
-    for (contact, center, path, error) in errors {
+    for (contact, centre, path, error) in errors {
         let off = constant.filter(|_| contact).map_or_else(Vector6::zeros, |w| about(&w, &path));
-        out.windows.push(FloorWindow { draw, center, contact, error: error - off });
+        out.windows.push(FloorWindow { draw, centre, contact, error: error - off });
     }
 }
 

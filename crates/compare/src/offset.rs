@@ -155,17 +155,17 @@ impl OffsetSamples {
         if n == 0 || (n as f64) < SHORTEST_S * rate_hz {
             return None;
         }
-        let center: Vector3<f64> = finite.iter().map(|(p, _)| *p).sum::<Vector3<f64>>() / n as f64;
-        let about_center: Vec<Vector6<f64>> = finite
+        let centre: Vector3<f64> = finite.iter().map(|(p, _)| *p).sum::<Vector3<f64>>() / n as f64;
+        let about_centre: Vec<Vector6<f64>> = finite
             .iter()
             .map(|(p, e)| {
                 let (force, moment) = halves(e);
-                joined(&force, &(moment + (*p - center).cross(&force)))
+                joined(&force, &(moment + (*p - centre).cross(&force)))
             })
             .collect();
-        let mean = Vector6::from_fn(|axis, _| huber_mean(about_center.iter().map(|e| e[axis]).collect()));
+        let mean = Vector6::from_fn(|axis, _| huber_mean(about_centre.iter().map(|e| e[axis]).collect()));
         let (force, moment) = halves(&mean);
-        let whole = joined(&force, &(moment + center.cross(&force)));
+        let whole = joined(&force, &(moment + centre.cross(&force)));
         let taken = within(&whole);
         let (force, moment) = halves(&taken);
         mean.iter().all(|x| x.is_finite()).then_some(RecordingOffset {

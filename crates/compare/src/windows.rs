@@ -23,7 +23,7 @@ pub struct WindowRows {
     /// Names of the effects' columns.
     pub effects: Vec<String>,
     /// Middle of each window since the first frame, s.
-    pub center_s: Vec<f64>,
+    pub centre_s: Vec<f64>,
     /// True for windows in flight, false for contact; contact comes first.
     pub in_flight: Vec<bool>,
     /// Mean of the point about which moments are taken, m.
@@ -43,15 +43,15 @@ impl WindowRows {
         let runs =
             contact.iter().enumerate().map(|run| (run, false)).chain(flights.iter().enumerate().map(|run| (run, true)));
         let mut out =
-            Self { rows: DMatrix::zeros(0, 0), effects, center_s: Vec::new(), in_flight: Vec::new(), path: Vec::new() };
+            Self { rows: DMatrix::zeros(0, 0), effects, centre_s: Vec::new(), in_flight: Vec::new(), path: Vec::new() };
         let mut parts: Vec<DMatrix<f64>> = Vec::new();
         for ((i, run), flying) in runs {
             let Some(rows) = run_rows(body, motion, i, run, flying, acting, options)? else { continue };
             let per_second = 1.0 / rows.test.integral_s();
             let m = &rows.matrix;
             parts.push(DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] * per_second));
-            out.center_s.extend(rows.centers.iter().map(|c| *c as f64 / motion.rate_hz));
-            out.in_flight.extend(rows.centers.iter().map(|_| flying));
+            out.centre_s.extend(rows.centres.iter().map(|c| *c as f64 / motion.rate_hz));
+            out.in_flight.extend(rows.centres.iter().map(|_| flying));
             out.path.extend(path(&rows));
         }
         let columns = body.base.len() + out.effects.len() + 1;
@@ -85,7 +85,7 @@ impl WindowRows {
             let e = Vector6::from_fn(|axis, _| all[6 * w + axis]);
             offset.as_ref().filter(|_| !self.in_flight[w]).map_or(e, |o| e + about(o, &self.path[w]))
         };
-        (0..self.center_s.len()).map(one).collect()
+        (0..self.centre_s.len()).map(one).collect()
     }
 }
 
@@ -114,7 +114,7 @@ pub(crate) struct TrialWindows {
 /// One window: its middle frame and the error of each model.
 #[derive(Debug, Clone)]
 pub(crate) struct Window {
-    pub center: usize,
+    pub centre: usize,
     pub in_flight: bool,
     pub residual: Vec<Vector6<f64>>,
 }
@@ -122,8 +122,8 @@ pub(crate) struct Window {
 impl Window {
     /// The window as a sample of its trial.
     pub fn into_sample(self, time_s: &[f64]) -> WindowSample {
-        let center_s = time_s.get(self.center).copied().unwrap_or(f64::NAN);
-        WindowSample { center_s, in_flight: self.in_flight, residual: self.residual }
+        let centre_s = time_s.get(self.centre).copied().unwrap_or(f64::NAN);
+        WindowSample { centre_s, in_flight: self.in_flight, residual: self.residual }
     }
 }
 
@@ -150,7 +150,7 @@ pub(crate) fn trial_windows(
     let acting = Acting { measured: series, effects: input.effects };
     for (i, run) in contact.iter().enumerate() {
         let found = window_residuals(body, motion, i, run, false, acting, options, &parameters, &coefficients)?;
-        for (w, (path, &center)) in found.path.iter().zip(&found.centers).enumerate() {
+        for (w, (path, &centre)) in found.path.iter().zip(&found.centres).enumerate() {
             let mut residual = Vec::with_capacity(candidates.len());
             for (c, windows) in found.residual.iter().enumerate() {
                 let e = windows[w];
@@ -159,7 +159,7 @@ pub(crate) fn trial_windows(
                 out.contact[c].add(&left);
                 residual.push(left);
             }
-            out.windows.push(Window { center, in_flight: false, residual });
+            out.windows.push(Window { centre, in_flight: false, residual });
         }
     }
     for (i, run) in flights.iter().enumerate() {
@@ -167,8 +167,8 @@ pub(crate) fn trial_windows(
         for (sums, windows) in out.flight.iter_mut().zip(&found.residual) {
             windows.iter().for_each(|e| sums.add(e));
         }
-        out.windows.extend(found.centers.iter().enumerate().map(|(w, &center)| Window {
-            center,
+        out.windows.extend(found.centres.iter().enumerate().map(|(w, &centre)| Window {
+            centre,
             in_flight: true,
             residual: found.residual.iter().map(|windows| windows[w]).collect(),
         }));
@@ -190,7 +190,7 @@ pub(crate) struct RunWindows {
     /// Averages of the point about which moments are taken, one for each window, m.
     pub path: Vec<Vector3<f64>>,
     /// Middle frames.
-    pub centers: Vec<usize>,
+    pub centres: Vec<usize>,
 }
 
 /// Runs of contact and flights for windows.
@@ -223,11 +223,11 @@ pub(crate) fn window_residuals(
     parameters: &[&DVector<f64>],
     coefficients: &[DVector<f64>],
 ) -> Result<RunWindows, CompareError> {
-    let nothing = RunWindows { residual: vec![Vec::new(); parameters.len()], path: Vec::new(), centers: Vec::new() };
+    let nothing = RunWindows { residual: vec![Vec::new(); parameters.len()], path: Vec::new(), centres: Vec::new() };
     Ok(run_rows(body, motion, index, run, flying, acting, options)?.map_or(nothing, |rows| RunWindows {
         residual: residuals(&rows, parameters, coefficients),
         path: path(&rows),
-        centers: rows.centers,
+        centres: rows.centres,
     }))
 }
 
@@ -288,7 +288,7 @@ fn residuals(rows: &WeakRows, parameters: &[&DVector<f64>], coefficients: &[DVec
             let effects: f64 = theta.iter().enumerate().map(|(k, x)| m[(i, phi.len() + k)] * x).sum();
             (body + effects - m[(i, last)]) * per_second
         };
-        (0..rows.centers.len()).map(|w| Vector6::from_fn(|axis, _| error(6 * w + axis))).collect()
+        (0..rows.centres.len()).map(|w| Vector6::from_fn(|axis, _| error(6 * w + axis))).collect()
     };
     parameters.iter().zip(coefficients).map(errors).collect()
 }

@@ -1,11 +1,10 @@
-//! Forty flights of a chain: the whole catalogue, and one more linear effect from stored factors
-//! and from rows.
+//! Forty flights of a chain: the whole catalogue, and one more linear effect.
 #![allow(missing_docs, clippy::unwrap_used, reason = "a benchmark")]
 
 use aloft_body::{BaseParameters, Motion};
 use aloft_discover::{Body, DiscoverOptions, Session, TrialInput, addition, catalogue, discover, scene_of};
-use aloft_effects::{EffectInstance, Span, TrialMotion, columns};
-use aloft_regressor::{Acting, EffectColumns, Stretch, WeakOptions, weak_factor};
+use aloft_effects::EffectInstance;
+use aloft_regressor::{Stretch, WeakOptions};
 use aloft_simulate::{Scenario, simulate, truth::flight_frames};
 use criterion::{Criterion, criterion_group, criterion_main};
 
@@ -39,7 +38,7 @@ fn bench(c: &mut Criterion) {
     let base = BaseParameters::of(model);
     let phi = &lab.body.phi;
     let mass_kg = phi.iter().map(|p| p[0]).sum();
-    let body = Body { model, base: &base, phi, prior: None, mass_kg, plate_centers_m: &[] };
+    let body = Body { model, base: &base, phi, prior: None, mass_kg, plate_centres_m: &[] };
     let trials: Vec<TrialInput<'_>> = motions
         .iter()
         .zip(&stretches)
@@ -56,30 +55,10 @@ fn bench(c: &mut Criterion) {
     let weak = WeakOptions::default();
     let session = Session::new(&body, &scene, &trials, &weak).unwrap();
     let drag = EffectInstance::parse("quadratic_drag", &scene).unwrap();
-    let mut factors = Vec::new();
-    for (motion, stretches) in motions.iter().zip(&stretches) {
-        let spans: Vec<Span> = stretches
-            .iter()
-            .map(|s| Span { first_frame: s.first_frame, end_frame: s.end_frame, flight: true })
-            .collect();
-        let trial = TrialMotion { motion, spans: &spans, plates: &[], session_time_s: 0.0 };
-        let made = columns(&scene, &trial, std::slice::from_ref(&drag)).unwrap();
-        let effects = EffectColumns { names: made.names, wrench: made.wrench, ..EffectColumns::none() };
-        for s in stretches {
-            let acting = Acting { measured: None, effects: Some(&effects) };
-            factors.push(weak_factor(model, &base, phi, motion, s, acting, &weak, None).unwrap());
-        }
-    }
     let options = DiscoverOptions::default();
     let mut group = c.benchmark_group("40 flights");
     group.sample_size(10);
-    group.bench_function("one linear effect from stored factors", |b| {
-        b.iter(|| {
-            let stored = Session::from_factors(&body, &scene, &factors).unwrap();
-            addition(&stored, &[], &drag, &options).unwrap()
-        });
-    });
-    group.bench_function("one linear effect from rows", |b| {
+    group.bench_function("one linear effect", |b| {
         b.iter(|| addition(&session, &[], &drag, &options).unwrap());
     });
     group.bench_function("the whole catalogue", |b| {

@@ -1,5 +1,5 @@
-//! Adds one effect to a model and reports the change in held-out error, from a session's rows or
-//! stored factors.
+//! Adds one effect to a model and reports the change in held-out error, from a session's
+//! rows.
 //!
 //! The effect's columns at its given nonlinear parameters join the model; nothing is searched and
 //! no frame is processed again. The parameters are refitted with and without these columns, and
@@ -25,8 +25,7 @@ use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, DVector};
 
 /// Held-out error before and after one effect joins the model that already holds `accepted`, at the
-/// given values of its nonlinear parameters. Works on a session from recordings and, for an effect
-/// that is linear or whose columns are stored, on one from [`Session::from_factors`].
+/// given values of its nonlinear parameters.
 ///
 /// # Errors
 /// [`DiscoverError::TooFew`] with fewer than two flights (or contact stretches) on which the effect

@@ -127,10 +127,10 @@ fn turned<'a>(session: &Session<'_>, b: &Scored<'a>, draw: usize) -> Option<(Var
     let (sin, cos) = (std::f64::consts::TAU * (draw + 1) as f64 / (DRAWS + 1) as f64).sin_cos();
     let turn = |x: f64, y: f64| (cos * x - sin * y, sin * x + cos * y);
     let mut changed = false;
-    let center = session.scene.volume_center_m;
+    let centre = session.scene.volume_centre_m;
     for (i, parameter) in variant.effect.nonlinear(session.scene, variant.target).iter().enumerate() {
         let (cx, cy) = match parameter.kind {
-            ParameterKind::PointInWorld(0) => (center.x, center.y),
+            ParameterKind::PointInWorld(0) => (centre.x, centre.y),
             ParameterKind::VectorInWorld(0) => (0.0, 0.0),
             _ => continue,
         };

@@ -12,7 +12,7 @@ use crate::problem::{Domain, Problem};
 use crate::rank::{EffectScore, cosine};
 use crate::result::{Alternative, Candidate, Confusion, Estimate, RivalTest, Verdict};
 use crate::rivals::{Rival, is_alias};
-use crate::session::Session;
+use crate::session::{Block, Session};
 use crate::statistics::{jackknife_se, sign_flip_p};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -54,13 +54,7 @@ pub(crate) fn parts(session: &Session<'_>, problem: &Problem) -> [f64; 2] {
     for (cluster, fold) in problem.clusters.iter().zip(&problem.folds) {
         let mut kinds = Vec::new();
         for &i in &cluster.blocks {
-            let block = &session.blocks[i];
-            for r in 0..block.y.nrows() {
-                match block.is_force(r) {
-                    Some(force) => kinds.push(usize::from(!force)),
-                    None => return [f64::NAN; 2],
-                }
-            }
+            kinds.extend((0..session.blocks[i].y.nrows()).map(|row| usize::from(!Block::is_force(row))));
         }
         for (x, &row) in fold.test.iter().zip(&cluster.judged) {
             sums[kinds[row]] += x * x;

@@ -38,7 +38,7 @@
 //!     phi,
 //!     prior: Some(prior),
 //!     mass_kg: subject.facts.mass_kg,
-//!     plate_centers_m: &[],
+//!     plate_centres_m: &[],
 //! };
 //! let trials = [TrialInput { motion, stretches, measured: None, plates: &[], group: None, session_time_s: 0.0 }];
 //! let scene = scene_of(&body, &trials);

@@ -66,7 +66,7 @@ impl Effect for Placebo {
                     Self::Spring(which) => {
                         let angle = 2.4 * f64::from(*which) + 0.7;
                         let height = if *which == 0 { 0.3 } else { -0.6 };
-                        let anchor = scene.volume_center_m + Vector3::new(angle.cos(), angle.sin(), height) * 1.3;
+                        let anchor = scene.volume_centre_m + Vector3::new(angle.cos(), angle.sin(), height) * 1.3;
                         let at = here[0].point(&scene.link_com_m[0]);
                         let line = anchor - at;
                         // the force vanishes at the typical distance, so it is not constant to

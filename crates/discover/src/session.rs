@@ -1,7 +1,7 @@
 //! The evidence: rows of every flight and contact stretch, and the data needed to compute columns
 //! of any effect on them.
 //!
-//! First step of the data flow: recordings (or stored factors) become a [`Session`], from which
+//! First step of the data flow: recordings become a [`Session`], from which
 //! columns for every effect, target and value of the nonlinear parameters are computed without
 //! forming the regressor again.
 
@@ -14,7 +14,7 @@ use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
 use aloft_identify::Prior;
 use aloft_regressor::weak_windows::{Origin, WeakRows, force_scale_n};
-use aloft_regressor::{Acting, Factor, RegressorError, Stretch, StretchKind, WeakOptions, weak_rows};
+use aloft_regressor::{Acting, RegressorError, Stretch, StretchKind, WeakOptions, weak_rows};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rayon::prelude::*;
 
@@ -50,7 +50,7 @@ pub struct Body<'a> {
     /// Mass from a scale, kg.
     pub mass_kg: f64,
     /// Centres of the plates, world, m.
-    pub plate_centers_m: &'a [Vector3<f64>],
+    pub plate_centres_m: &'a [Vector3<f64>],
 }
 
 /// Rows of one stretch and the windows that they come from.
@@ -66,14 +66,13 @@ pub(crate) struct Block {
     pub w: DVector<f64>,
     /// Number of rows before reduction (a factor keeps fewer).
     pub n_rows: usize,
-    windows: Option<Windows>,
-    stored: Option<DMatrix<f64>>,
+    windows: Windows,
 }
 
 #[derive(Debug, Clone)]
 struct Windows {
     half: usize,
-    centers: Vec<usize>,
+    centres: Vec<usize>,
     psi: Vec<f64>,
     origin: Vec<Vec<Origin>>,
     force_weight: f64,
@@ -95,8 +94,6 @@ pub struct Session<'a> {
     /// N per unit of a force row, N·m per unit of a moment row (per unit of the test function's
     /// mean).
     pub(crate) unit: [f64; 2],
-    /// Names of columns that stored factors hold.
-    pub(crate) stored_names: Vec<String>,
     /// Mean square of a weighted row caused by white noise of the coordinates alone, force and
     /// moment.
     pub(crate) noise: Option<[f64; 2]>,
@@ -116,12 +113,12 @@ pub fn scene_of(body: &Body<'_>, trials: &[TrialInput<'_>]) -> Scene {
             for frame in (stretch.first_frame..stretch.end_frame.min(trial.motion.n_frames())).step_by(10) {
                 if trial.motion.is_valid(frame) && trial.motion.nq == body.model.nq {
                     state.forward_position(body.model, trial.motion.q(frame));
-                    places.push(state.center_of_mass(body.phi).1);
+                    places.push(state.centre_of_mass(body.phi).1);
                 }
             }
         }
     }
-    Scene::new(body.model, body.phi, body.plate_centers_m).with_volume(&places)
+    Scene::new(body.model, body.phi, body.plate_centres_m).with_volume(&places)
 }
 
 /// Length of the fixed weights, as the regressor sets it.
@@ -194,7 +191,6 @@ impl<'a> Session<'a> {
             prior: body.prior.cloned(),
             mass_kg: body.mass_kg,
             unit: [force_n, force_n * moment_length_m(body, options)],
-            stored_names: Vec::new(),
             noise: None,
             standing: [None; 2],
             counter: Counter::default(),
@@ -207,64 +203,10 @@ impl<'a> Session<'a> {
         let domain = if flying { Domain::Flight } else { Domain::Contact };
         if let Ok(problem) = Problem::new(&out, domain, &[], usize::MAX, 1.0) {
             for series in out.series.iter_mut().flatten() {
-                series.set_center_of_mass(body.base, problem.parameters.as_slice());
+                series.set_centre_of_mass(body.base, problem.parameters.as_slice());
             }
         }
         Ok(out)
-    }
-
-    /// Session from stored factors `[Y_B | −E | w]`, all with the same columns. Effects are ranked
-    /// only if their columns are stored; those with nonlinear parameters only at the values used
-    /// for the columns. Trials are identified by the factors' trial names.
-    ///
-    /// # Errors
-    /// [`DiscoverError::TooFew`] without factors, [`DiscoverError::Length`] when columns differ.
-    pub fn from_factors(body: &Body<'_>, scene: &'a Scene, factors: &[Factor]) -> Result<Self, DiscoverError> {
-        let first = factors.first().ok_or(DiscoverError::TooFew { what: "factors", needed: 1, found: 0 })?;
-        let mut trials: Vec<String> = Vec::new();
-        let mut blocks = Vec::with_capacity(factors.len());
-        for factor in factors {
-            if factor.columns != first.columns {
-                return Err(DiscoverError::Length {
-                    what: "columns of the factors",
-                    expected: first.columns.len(),
-                    found: factor.columns.len(),
-                });
-            }
-            let trial = trials.iter().position(|t| *t == factor.trial).unwrap_or_else(|| {
-                trials.push(factor.trial.clone());
-                trials.len() - 1
-            });
-            let (p, k) = (factor.n_parameters(), factor.n_effects());
-            let dense = factor.dense();
-            blocks.push(Block {
-                trial,
-                kind: factor.kind,
-                y: dense.columns(0, p).into_owned(),
-                w: dense.column(p + k).into_owned(),
-                n_rows: factor.n_rows,
-                windows: None,
-                stored: Some(dense.columns(p, k).into_owned()),
-            });
-        }
-        let force_n = force_scale_n(body.mass_kg, scene.gravity());
-        Ok(Self {
-            scene,
-            series: Vec::new(),
-            blocks,
-            groups: vec![None; trials.len()],
-            trials,
-            from_full: body.base.from_full.clone(),
-            prior: body.prior.cloned(),
-            mass_kg: body.mass_kg,
-            unit: [force_n, force_n * moment_length_m(body, &WeakOptions::default())],
-            stored_names: first.columns.effects.clone(),
-            noise: None,
-            standing: [None; 2],
-            counter: Counter::default(),
-            by_stages: ByStages::default(),
-            warnings: Vec::new(),
-        })
     }
 
     /// Adds an effect of a given size to the measurement, through its columns, to test the method
@@ -337,9 +279,6 @@ impl<'a> Session<'a> {
     ) -> Option<Vec<DMatrix<f64>>> {
         let coefficients = effect.coefficients(self.scene, target);
         let k = coefficients.len();
-        if self.series.is_empty() {
-            return self.stored_columns(effect, target, &coefficients);
-        }
         let inertia = effect.inertia(self.scene, target, nonlinear).map(|changes| self.regrouped(&changes));
         let wrench = effect.has_wrench();
         let mut out: Vec<DMatrix<f64>> = self.blocks.iter().map(|b| DMatrix::zeros(b.y.nrows(), k)).collect();
@@ -354,9 +293,7 @@ impl<'a> Session<'a> {
                 made.reset(series.len(), k);
                 effect.evaluate(series, target, nonlinear, &mut made);
                 for (block, rows) in self.blocks.iter().zip(&mut out).filter(|(b, _)| its(b)) {
-                    if let Some(windows) = &block.windows {
-                        windows.apply(series, &made, rows);
-                    }
+                    block.windows.apply(series, &made, rows);
                 }
             }
         }
@@ -395,30 +332,6 @@ impl<'a> Session<'a> {
         mask.contains(&true).then_some(mask)
     }
 
-    fn stored_columns(
-        &self,
-        effect: &dyn Effect,
-        target: Target,
-        coefficients: &[aloft_effects::Coefficient],
-    ) -> Option<Vec<DMatrix<f64>>> {
-        if !effect.has_wrench() {
-            let changes =
-                effect.inertia(self.scene, target, &[]).filter(|_| effect.starts(self.scene, target)[0].is_empty())?;
-            let change = self.regrouped(&changes);
-            return Some(self.blocks.iter().map(|b| &b.y * &change).collect());
-        }
-        let label = target.label(self.scene);
-        let key = if label.is_empty() { effect.id().to_owned() } else { format!("{}[{label}]", effect.id()) };
-        let at: Vec<usize> = coefficients
-            .iter()
-            .map(|c| self.stored_names.iter().position(|n| *n == format!("{key}.{}", c.name)))
-            .collect::<Option<_>>()?;
-        self.blocks
-            .iter()
-            .map(|b| b.stored.as_ref().map(|s| DMatrix::from_fn(s.nrows(), at.len(), |i, j| s[(i, at[j])])))
-            .collect()
-    }
-
     /// Changes of φ converted to changes of the base parameters, one column each.
     fn regrouped(&self, changes: &[Vec<Phi>]) -> DMatrix<f64> {
         let n = self.from_full.ncols();
@@ -439,21 +352,20 @@ impl Block {
             y: DMatrix::from_fn(n, p, |i, j| rows.matrix[(i, j)]),
             w: DVector::from_fn(n, |i, _| rows.matrix[(i, p)]),
             n_rows: n,
-            windows: Some(Windows {
+            windows: Windows {
                 half: rows.test.half,
-                centers: rows.centers,
+                centres: rows.centres,
                 psi: rows.test.psi,
                 origin: rows.origin,
                 force_weight,
                 moment_weight: force_weight / moment_length_m,
-            }),
-            stored: None,
+            },
         }
     }
 
-    /// True for force rows (weak rows keep their order; for rows of a factor it is unknown).
-    pub(crate) fn is_force(&self, row: usize) -> Option<bool> {
-        self.windows.as_ref().map(|_| row % 6 < 3)
+    /// True for force rows: weak rows come in sixes, force first.
+    pub(crate) fn is_force(row: usize) -> bool {
+        row % 6 < 3
     }
 }
 
@@ -461,7 +373,7 @@ impl Session<'_> {
     /// Rows of a block for wrenches `unit[d] · weight[b]`, in the rows' weights; column `d · nb +
     /// b`. `unit[d]` holds force and moment about the world origin in every frame of the trial's
     /// flight series, `weight` holds `nb` numbers a frame. Every `stride`-th frame of a window is
-    /// used. `None` without windows.
+    /// used.
     pub(crate) fn modulated(
         &self,
         block: usize,
@@ -469,14 +381,14 @@ impl Session<'_> {
         weight: &[f64],
         nb: usize,
         stride: usize,
-    ) -> Option<DMatrix<f64>> {
+    ) -> DMatrix<f64> {
         let b = &self.blocks[block];
-        let windows = b.windows.as_ref()?;
+        let windows = &b.windows;
         let series = &self.series[b.trial][usize::from(b.kind != StretchKind::Flight)];
         let mut rows = DMatrix::zeros(b.y.nrows(), unit.len() * nb);
         let mut sums = vec![0.0; unit.len() * nb * 6];
-        for (w, &center) in windows.centers.iter().enumerate() {
-            let first = center - windows.half;
+        for (w, &centre) in windows.centres.iter().enumerate() {
+            let first = centre - windows.half;
             let Some(start) = series.index_of(first) else { continue };
             sums.fill(0.0);
             let skip = (windows.half % stride).min(stride - 1);
@@ -506,7 +418,7 @@ impl Session<'_> {
                 }
             }
         }
-        Some(rows)
+        rows
     }
 }
 
@@ -514,8 +426,8 @@ impl Windows {
     /// `−Σ ψ (f, n₀ − o × f)` in the rows' weights.
     fn apply(&self, series: &Series<'_>, columns: &Columns, rows: &mut DMatrix<f64>) {
         let frames = series.motion_frames();
-        for (w, &center) in self.centers.iter().enumerate() {
-            let first = center - self.half;
+        for (w, &centre) in self.centres.iter().enumerate() {
+            let first = centre - self.half;
             let Some(start) = series.index_of(first) else { continue };
             for c in 0..columns.k {
                 let mut sum = [0.0; 6];

@@ -33,13 +33,13 @@ pub(crate) fn ratio_interval(error: &[f64], plain: &[f64], weights: &[Vec<f64>])
     let used: Vec<usize> = (0..error.len()).filter(|&g| plain[g] > 0.0).collect();
     let n = used.len();
     if (2..12).contains(&n) {
-        let center = ratio(&|_| 1.0).ln();
+        let centre = ratio(&|_| 1.0).ln();
         let left: Vec<f64> = used.iter().map(|&out| ratio(&|g| if g == out { 0.0 } else { 1.0 }).ln()).collect();
         let mean = left.iter().sum::<f64>() / n as f64;
         let variance = left.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>() * (n as f64 - 1.0) / n as f64;
         let half = t975((n - 1) as f64) * variance.sqrt();
-        low = low.min((center - half).exp());
-        high = high.max((center + half).exp());
+        low = low.min((centre - half).exp());
+        high = high.max((centre + half).exp());
     }
     [low, high]
 }

@@ -44,7 +44,7 @@ fn one(truth: &common::Truth, (key, size, set): Drag, seed: u64) -> Option<Vec<E
         phi: &truth.phi,
         prior: None,
         mass_kg: truth.mass(),
-        plate_centers_m: &[],
+        plate_centres_m: &[],
     };
     let trials = [TrialInput {
         motion: &motion,

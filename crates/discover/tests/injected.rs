@@ -10,10 +10,8 @@ mod common;
 mod compass;
 
 use aloft_discover::*;
-use aloft_effects::{
-    EFFECTS, Effect, EffectInstance, EffectKind, FormulaEffect, Scene, Separation, Span, TrialMotion, columns,
-};
-use aloft_regressor::{Acting, EffectColumns, Factor, WeakOptions, weak_factor};
+use aloft_effects::{EFFECTS, Effect, EffectInstance, EffectKind, FormulaEffect, Scene, Separation};
+use aloft_regressor::WeakOptions;
 
 /// An effect, its coefficients, its nonlinear parameters.
 type Hidden = (&'static str, &'static [f64], &'static [(&'static str, f64)]);
@@ -39,7 +37,7 @@ impl Lab {
             phi: &self.truth.phi,
             prior: None,
             mass_kg: self.truth.mass(),
-            plate_centers_m: &[],
+            plate_centres_m: &[],
         }
     }
     fn trials(&self) -> [TrialInput<'_>; 1] {
@@ -264,44 +262,6 @@ fn an_effect_added_in_one_file_is_found_like_the_others() {
     });
 }
 
-/// Factors that hold the columns of effects give the same result as the recordings.
-#[test]
-fn stored_factors_say_the_same() {
-    let lab = lab();
-    let (body, trials) = (lab.body(), lab.trials());
-    let scene = scene_of(&body, &trials);
-    let choices: Vec<EffectInstance<'_>> = ["gravity_tilt", "rotational_drag", "flywheel[link1]"]
-        .map(|k| EffectInstance::parse(k, &scene).unwrap())
-        .into();
-    let spans: Vec<Span> = lab
-        .stretches
-        .iter()
-        .map(|s| Span { first_frame: s.first_frame, end_frame: s.end_frame, flight: true })
-        .collect();
-    let motion = TrialMotion { motion: &lab.motion, spans: &spans, plates: &[], session_time_s: 0.0 };
-    let made = columns(&scene, &motion, &choices).unwrap();
-    let effects = EffectColumns { names: made.names, wrench: made.wrench, ..EffectColumns::none() };
-    // no window needs the frames next to the spans
-    let factors: Vec<Factor> = lab
-        .stretches
-        .iter()
-        .map(|s| {
-            let acting = Acting { measured: None, effects: Some(&effects) };
-            let model = &lab.truth.model;
-            weak_factor(model, body.base, body.phi, &lab.motion, s, acting, &WeakOptions::default(), None).unwrap()
-        })
-        .collect();
-    let options = only(&["gravity_tilt", "rotational_drag", "flywheel"]);
-    let stored = Session::from_factors(&body, &scene, &factors).unwrap();
-    let by_factor = discover(&stored, &catalogue(), &[], &options).unwrap();
-    let by_rows = lab.with(|_, session| discover(&session, &catalogue(), &[], &options).unwrap());
-    for id in ["gravity_tilt", "rotational_drag"] {
-        let of = |d: &Discovery| d.candidates.iter().find(|c| c.effect == id).unwrap().held_out_ratio;
-        assert!((of(&by_factor) - of(&by_rows)).abs() < 1e-6, "{id}: {} {}", of(&by_factor), of(&by_rows));
-    }
-    assert!((by_factor.held_out_error / by_rows.held_out_error - 1.0).abs() < 1e-6);
-}
-
 #[test]
 fn a_self_test_hits_at_twice_the_detectable_size() {
     let lab = lab();
@@ -323,7 +283,7 @@ fn a_self_test_hits_at_twice_the_detectable_size() {
     });
 }
 
-/// Adding one effect from stored factors gives the same result as the ranking; the ladder consists
+/// Adding one effect gives the same result as the ranking; the ladder consists
 /// of such steps.
 #[test]
 fn an_addition_says_what_the_ranking_says() {

@@ -38,7 +38,7 @@ impl Lab {
             phi: &self.truth.phi,
             prior: None,
             mass_kg: self.truth.mass(),
-            plate_centers_m: &[],
+            plate_centres_m: &[],
         };
         let trials = [TrialInput {
             motion: &self.motion,

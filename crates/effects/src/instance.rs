@@ -177,7 +177,7 @@ pub fn columns_about(
 ) -> Result<WrenchColumns, EffectsError> {
     let mut series = Series::new(scene, trial)?;
     if let Some((base, values)) = parameters {
-        series.set_center_of_mass(base, values);
+        series.set_centre_of_mass(base, values);
     }
     let names: Vec<String> = choices.iter().flat_map(|c| c.names(scene)).collect();
     let k = names.len();

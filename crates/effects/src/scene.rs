@@ -21,16 +21,16 @@ pub struct Scene {
     /// Mass of the whole body, kg.
     pub mass_kg: f64,
     /// Centres of the plates, world, m; empty without plates.
-    pub plate_centers_m: Vec<Vector3<f64>>,
+    pub plate_centres_m: Vec<Vector3<f64>>,
     /// Middle of the volume of the motion, world, m.
-    pub volume_center_m: Vector3<f64>,
+    pub volume_centre_m: Vector3<f64>,
     /// Standard deviation of the body's positions about it, m.
     pub volume_reach_m: f64,
 }
 
 impl Scene {
     /// Scene of a model with its inertial parameters; the volume is set by [`Scene::with_volume`].
-    pub fn new(model: &Model, phi: &[Phi], plate_centers_m: &[Vector3<f64>]) -> Self {
+    pub fn new(model: &Model, phi: &[Phi], plate_centres_m: &[Vector3<f64>]) -> Self {
         let inertias: Vec<LinkInertia> = phi.iter().map(LinkInertia::from_phi).collect();
         let com = |i: &LinkInertia| if i.mass_kg.abs() > 1e-12 { i.com_m } else { Vector3::zeros() };
         let areas: Vec<f64> = inertias.iter().map(mean_area).collect();
@@ -42,8 +42,8 @@ impl Scene {
             link_com_m: inertias.iter().map(com).collect(),
             area_share: areas.iter().map(|a| if total > 0.0 { a / total } else { 1.0 / n }).collect(),
             mass_kg: phi.iter().map(|p| p[0]).sum(),
-            plate_centers_m: plate_centers_m.to_vec(),
-            volume_center_m: Vector3::zeros(),
+            plate_centres_m: plate_centres_m.to_vec(),
+            volume_centre_m: Vector3::zeros(),
             volume_reach_m: 1.0,
         }
     }
@@ -52,8 +52,8 @@ impl Scene {
     pub fn with_volume(mut self, places: &[Vector3<f64>]) -> Self {
         if !places.is_empty() {
             let n = places.len() as f64;
-            self.volume_center_m = places.iter().sum::<Vector3<f64>>() / n;
-            let spread = places.iter().map(|p| (p - self.volume_center_m).norm_squared()).sum::<f64>() / n;
+            self.volume_centre_m = places.iter().sum::<Vector3<f64>>() / n;
+            let spread = places.iter().map(|p| (p - self.volume_centre_m).norm_squared()).sum::<f64>() / n;
             self.volume_reach_m = spread.sqrt().max(0.05);
         }
         self
@@ -72,7 +72,7 @@ impl Scene {
 
     /// Number of plates.
     pub fn n_plates(&self) -> usize {
-        self.plate_centers_m.len()
+        self.plate_centres_m.len()
     }
 
     /// Magnitude of gravity, m/s².

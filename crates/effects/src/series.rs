@@ -39,7 +39,7 @@ pub struct TrialMotion<'a> {
     pub motion: &'a Motion,
     /// Flights and contact stretches, in order.
     pub spans: &'a [Span],
-    /// Plates, in the order of [`Scene::plate_centers_m`]; empty without measurements.
+    /// Plates, in the order of [`Scene::plate_centres_m`]; empty without measurements.
     pub plates: &'a [PlateSeries],
     /// Seconds from the start of the session to the first frame (0 if unknown).
     pub session_time_s: f64,
@@ -244,7 +244,7 @@ impl<'a> Series<'a> {
     /// Sets the centre of mass from identified base parameters (the mass first) instead of the
     /// scene's φ; its velocity and acceleration are unchanged. Values that do not fit the model are
     /// ignored.
-    pub fn set_center_of_mass(&mut self, base: &BaseParameters, values: &[f64]) {
+    pub fn set_centre_of_mass(&mut self, base: &BaseParameters, values: &[f64]) {
         let model = &self.scene.model;
         if base.len() != values.len() || base.from_full.ncols() != 10 * model.n_links() || values[0] <= 0.0 {
             return;

@@ -106,14 +106,14 @@ impl NonlinearParameter {
     pub fn new(name: impl Into<String>, unit: &str, lower: f64, upper: f64, scale: f64) -> Self {
         Self { name: name.into(), unit: unit.to_owned(), lower, upper, scale, kind: ParameterKind::Scalar }
     }
-    /// Components `prefix_x` … of a position in the world, m, each within `reach` of `center`.
-    pub fn point_in_world(prefix: &str, center: &Vector3<f64>, reach: f64) -> Vec<Self> {
-        Self::point(prefix, center, reach, ParameterKind::PointInWorld)
+    /// Components `prefix_x` … of a position in the world, m, each within `reach` of `centre`.
+    pub fn point_in_world(prefix: &str, centre: &Vector3<f64>, reach: f64) -> Vec<Self> {
+        Self::point(prefix, centre, reach, ParameterKind::PointInWorld)
     }
     /// Components `prefix_x` … of a position in the frame of a link, m, each within `reach` of
-    /// `center`.
-    pub fn point_on_link(prefix: &str, center: &Vector3<f64>, reach: f64) -> Vec<Self> {
-        Self::point(prefix, center, reach, ParameterKind::PointOnLink)
+    /// `centre`.
+    pub fn point_on_link(prefix: &str, centre: &Vector3<f64>, reach: f64) -> Vec<Self> {
+        Self::point(prefix, centre, reach, ParameterKind::PointOnLink)
     }
     /// The position on the target's link of a force or a mass: `point_x` …, within 0.3 m of the
     /// link's centre of mass.
@@ -128,12 +128,12 @@ impl NonlinearParameter {
         };
         AXES.iter().enumerate().map(of).collect()
     }
-    fn point(prefix: &str, center: &Vector3<f64>, reach: f64, kind: fn(usize) -> ParameterKind) -> Vec<Self> {
+    fn point(prefix: &str, centre: &Vector3<f64>, reach: f64, kind: fn(usize) -> ParameterKind) -> Vec<Self> {
         let of = |(k, (axis, c)): (usize, (&&str, &f64))| Self {
             kind: kind(k),
             ..Self::new(format!("{prefix}_{axis}"), "m", c - reach, c + reach, 0.2 * reach.min(0.5))
         };
-        AXES.iter().zip(center.iter()).enumerate().map(of).collect()
+        AXES.iter().zip(centre.iter()).enumerate().map(of).collect()
     }
 }
 

@@ -2,7 +2,7 @@
 //! (Parquet, CSV, BIDS).
 
 use crate::coordinates::Quantity;
-use crate::loads::{LOADED_N, center_of_pressure};
+use crate::loads::{LOADED_N, centre_of_pressure};
 use crate::{SubjectExport, TrialExport};
 use aloft_body::State;
 use nalgebra::{Vector3, Vector6};
@@ -10,9 +10,9 @@ use nalgebra::{Vector3, Vector6};
 /// One series over the frames of a recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
-    /// Quantity: `marker`, `joint_center`, `center_of_mass`, `orientation`, `coordinate` (joint
+    /// Quantity: `marker`, `joint_centre`, `centre_of_mass`, `orientation`, `coordinate` (joint
     /// angles as solved), `coordinate_filtered`, `coordinate_rate`, `coordinate_acceleration`,
-    /// `ground_force`, `ground_moment`, `center_of_pressure`, `generalised_force`,
+    /// `ground_force`, `ground_moment`, `centre_of_pressure`, `generalised_force`,
     /// `residual_force`, `residual_moment`, `marker_error`.
     pub quantity: &'static str,
     /// Name of the marker, joint, coordinate or plate.
@@ -55,7 +55,7 @@ fn scalar(quantity: &'static str, name: &str, unit: &'static str, values: Vec<f6
 
 /// Names of joint centres: `RHJC`, `LKJC` …, as usual in gait laboratories, `<link>_JC` for other
 /// models, `PELO` and so on for the root.
-pub(crate) fn joint_center_name(link: &str, is_root: bool) -> String {
+pub(crate) fn joint_centre_name(link: &str, is_root: bool) -> String {
     let (stem, side) = match link.rsplit_once('_') {
         Some((stem, "r")) => (stem, "R"),
         Some((stem, "l")) => (stem, "L"),
@@ -79,14 +79,14 @@ pub(crate) fn joint_center_name(link: &str, is_root: bool) -> String {
 
 /// Joint centres (link origins) of a trial's motion (as solved if available), world, m: one series
 /// per link.
-pub fn joint_centers(subject: &SubjectExport, trial: &TrialExport) -> Vec<(String, Vec<Vector3<f64>>)> {
+pub fn joint_centres(subject: &SubjectExport, trial: &TrialExport) -> Vec<(String, Vec<Vector3<f64>>)> {
     let Some(motion) = trial.motion.as_ref().or(trial.filtered.as_ref()) else { return Vec::new() };
     let model = &subject.subject.model;
     let mut state = State::new(model);
     let mut out: Vec<(String, Vec<Vector3<f64>>)> = model
         .links
         .iter()
-        .map(|l| (joint_center_name(&l.name, l.parent.is_none()), vec![Vector3::repeat(f64::NAN); motion.n_frames()]))
+        .map(|l| (joint_centre_name(&l.name, l.parent.is_none()), vec![Vector3::repeat(f64::NAN); motion.n_frames()]))
         .collect();
     for f in (0..motion.n_frames()).filter(|&f| motion.is_valid(f)) {
         state.forward_position(model, motion.q(f));
@@ -104,7 +104,7 @@ pub fn channels(subject: &SubjectExport, trial: &TrialExport) -> Vec<Channel> {
     for (label, path) in markers.labels.iter().zip(&markers.trajectories) {
         push(&mut out, "marker", label, "m", path.iter().copied());
     }
-    for (name, path) in joint_centers(subject, trial) {
+    for (name, path) in joint_centres(subject, trial) {
         push(&mut out, "joint_centre", &name, "m", path.iter().copied());
     }
     kinematics(subject, trial, &mut out);
@@ -113,11 +113,11 @@ pub fn channels(subject: &SubjectExport, trial: &TrialExport) -> Vec<Channel> {
         push(&mut out, "ground_force", &plate.name, "N", forces);
         let moments = plate.wrench.iter().map(|w| Vector3::new(w[3], w[4], w[5]));
         push(&mut out, "ground_moment", &plate.name, "N.m", moments);
-        let cop = |w: &Vector6<f64>| if w[2] > LOADED_N { center_of_pressure(w) } else { Vector3::repeat(f64::NAN) };
+        let cop = |w: &Vector6<f64>| if w[2] > LOADED_N { centre_of_pressure(w) } else { Vector3::repeat(f64::NAN) };
         push(&mut out, "centre_of_pressure", &plate.name, "m", plate.wrench.iter().map(cop));
     }
     if let Some(forces) = &trial.forces {
-        push(&mut out, "centre_of_mass", "whole_body", "m", forces.center_of_mass_m.iter().copied());
+        push(&mut out, "centre_of_mass", "whole_body", "m", forces.centre_of_mass_m.iter().copied());
         let n = subject.coordinates.len();
         for (k, c) in subject.coordinates.list.iter().enumerate() {
             let values = forces.generalised.iter().skip(k).step_by(n.max(1)).copied().collect();

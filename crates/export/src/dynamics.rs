@@ -23,7 +23,7 @@ pub struct TrialForces {
     /// axes (N·m); NaN where the motion is missing.
     pub residual: Vec<Vector6<f64>>,
     /// Whole-body centre of mass, m, world.
-    pub center_of_mass_m: Vec<Vector3<f64>>,
+    pub centre_of_mass_m: Vec<Vector3<f64>>,
 }
 
 /// Subtracts the contribution of a wrench on `link` (world force, moment about the world origin)
@@ -65,13 +65,13 @@ pub fn forces(
         loads: assign(subject, motion, plates),
         generalised: vec![f64::NAN; n * n_frames],
         residual: vec![Vector6::repeat(f64::NAN); n_frames],
-        center_of_mass_m: vec![Vector3::repeat(f64::NAN); n_frames],
+        centre_of_mass_m: vec![Vector3::repeat(f64::NAN); n_frames],
     };
     let mut state = State::new(model);
     let mut tau = vec![0.0; model.nv];
     for f in (0..n_frames).filter(|&f| motion.is_valid(f)) {
         state.forward_acceleration(model, motion.q(f), motion.v(f), motion.a(f));
-        out.center_of_mass_m[f] = state.center_of_mass(&phi).1;
+        out.centre_of_mass_m[f] = state.centre_of_mass(&phi).1;
         state.inverse_dynamics(model, &phi, &mut tau);
         for load in &out.loads {
             take_off(model, &state, load.link, &load.wrench[f], &mut tau);

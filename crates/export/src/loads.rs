@@ -52,7 +52,7 @@ pub(crate) fn parts(w: &Vector6<f64>) -> (Vector3<f64>, Vector3<f64>) {
 }
 
 /// Centre of pressure on the plane z = 0, m.
-pub(crate) fn center_of_pressure(wrench: &Vector6<f64>) -> Vector3<f64> {
+pub(crate) fn centre_of_pressure(wrench: &Vector6<f64>) -> Vector3<f64> {
     Vector3::new(-wrench[4] / wrench[2], wrench[3] / wrench[2], 0.0)
 }
 
@@ -91,7 +91,7 @@ pub fn assign(subject: &SubjectExport, motion: &Motion, plates: &[PlateAtFrames]
                 let mut distance = vec![0.0; candidates.len()];
                 for f in episode.clone().filter(|&f| motion.is_valid(f)) {
                     state.forward_position(model, motion.q(f));
-                    let (w, cop) = (&plate.wrench[f], center_of_pressure(&plate.wrench[f]));
+                    let (w, cop) = (&plate.wrench[f], centre_of_pressure(&plate.wrench[f]));
                     for (d, (link, middle)) in distance.iter_mut().zip(candidates.iter().zip(&middles)) {
                         let away = state.point_in_world(*link, middle) - cop;
                         *d += w[2] * away.xy().norm();
@@ -128,7 +128,7 @@ fn load(label: String, plate: &str, link: usize, wrench: &[Vector6<f64>], by_fra
     let own: Vec<Vector6<f64>> =
         wrench.iter().zip(by_frame).map(|(w, l)| if *l == link { *w } else { Vector6::zeros() }).collect();
     let point_m: Vec<Vector3<f64>> =
-        own.iter().map(|w| if loaded(w) { center_of_pressure(w) } else { Vector3::zeros() }).collect();
+        own.iter().map(|w| if loaded(w) { centre_of_pressure(w) } else { Vector3::zeros() }).collect();
     let moment_nm = own
         .iter()
         .zip(&point_m)

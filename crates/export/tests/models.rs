@@ -99,7 +99,7 @@ fn validate_osim_poses_masses_and_markers() {
                 moment += (at * nalgebra::Point3::from(vector(&body.child("mass_center").numbers()))).coords * m;
                 mass += m;
             }
-            let (ours_mass, ours) = state.center_of_mass(&s.phi());
+            let (ours_mass, ours) = state.centre_of_mass(&s.phi());
             assert!((mass - ours_mass).abs() < 1e-12);
             assert!((moment / mass - to_ground(&ours)).norm() < 1e-9);
         }

@@ -1,6 +1,6 @@
 //! Combines the evidence of plates and motion.
 
-use crate::center_of_mass::CenterOfMass;
+use crate::centre_of_mass::CentreOfMass;
 use crate::explain::Clues;
 use crate::free_acceleration::{Acceleration, inner};
 use crate::free_fall::FreeFall;
@@ -100,7 +100,7 @@ fn weigh_flights(
     phi: &[Phi],
     motion: &Motion,
 ) -> Result<Vec<Vector3<f64>>, FlightError> {
-    let path = CenterOfMass::new(model, phi, motion)?.position_m;
+    let path = CentreOfMass::new(model, phi, motion)?.position_m;
     for flight in &mut report.flights {
         let frames = flight.start..flight.end.min(path.len()).max(flight.start);
         if let Some(parabola) = Parabola::fit(&path, frames, report.rate_hz) {

@@ -9,7 +9,7 @@
 //! contact that no plate measures. Frames that fail either test take no part in contact rows and in
 //! the comparison, and [`Coverage::words`] says how many and why.
 
-use crate::center_of_mass::CenterOfMass;
+use crate::centre_of_mass::CentreOfMass;
 use crate::feet::Feet;
 use crate::{Flight, FlightError, plate_wrench_at_marker_rate, total_wrench};
 use aloft_body::{Motion, Subject};
@@ -159,7 +159,7 @@ pub fn coverage(
     let total = total_wrench(&each);
     let load: Vec<f64> = (0..n).map(|f| total.force_n.get(f).map_or(f64::NAN, |w| w.z)).collect();
     let in_flight = |f: usize| flights.iter().any(|x| x.frames().contains(&f));
-    let path = CenterOfMass::new(&subject.model, &subject.prior_phi(), motion)?;
+    let path = CentreOfMass::new(&subject.model, &subject.prior_phi(), motion)?;
     let heights: Vec<f64> = path.position_m.iter().map(|p| p.z).collect();
     let mass_kg: f64 = subject.prior.iter().map(|l| l.mass_kg).sum();
     let weight_n = mass_kg * subject.model.gravity_mps2.norm();
@@ -248,12 +248,12 @@ impl Balance {
                 continue;
             }
             for f in run.clone() {
-                let center = f.clamp(first, last);
-                let window = &load[center - half..=center + half];
+                let centre = f.clamp(first, last);
+                let window = &load[centre - half..=centre + half];
                 let ends = 0.5 * (window[0] + window[2 * half]);
                 carried[f] = (window.iter().sum::<f64>() - ends) / (2 * half) as f64;
                 let duration_s = (2 * half) as f64 / rate_hz;
-                needed[f] = mass_kg * (velocity[center + half] - velocity[center - half]) / duration_s + weight_n;
+                needed[f] = mass_kg * (velocity[centre + half] - velocity[centre - half]) / duration_s + weight_n;
             }
         }
         let mut ratios: Vec<f64> = (0..n)

@@ -153,7 +153,7 @@ impl<'a> Feet<'a> {
                     return None;
                 }
                 let pressed: Vec<Vector2<f64>> =
-                    plates.iter().filter_map(|p| center_of_pressure(p, frame, self.floor_m, threshold_n)).collect();
+                    plates.iter().filter_map(|p| centre_of_pressure(p, frame, self.floor_m, threshold_n)).collect();
                 let under = |foot: usize| pressed.iter().any(|c| self.distance(foot, frame, c) < UNDER_M);
                 if under(foot) {
                     return None;
@@ -176,7 +176,7 @@ impl<'a> Feet<'a> {
 }
 
 /// Centre of pressure of a plate in the plane of the floor; none below the threshold.
-fn center_of_pressure(plate: &FrameWrench, frame: usize, floor_m: f64, threshold_n: f64) -> Option<Vector2<f64>> {
+fn centre_of_pressure(plate: &FrameWrench, frame: usize, floor_m: f64, threshold_n: f64) -> Option<Vector2<f64>> {
     let (force, moment) = (plate.force_n.get(frame)?, plate.moment_nm.get(frame)?);
     (force.z > threshold_n && moment.iter().all(|x| x.is_finite()))
         .then(|| Vector2::new((floor_m * force.x - moment.y) / force.z, (moment.x + floor_m * force.y) / force.z))
@@ -218,11 +218,11 @@ mod tests {
     }
 
     #[test]
-    fn a_force_at_a_place_has_its_center_of_pressure_there() {
+    fn a_force_at_a_place_has_its_centre_of_pressure_there() {
         let (force, at) = (Vector3::new(30.0, -20.0, 700.0), Vector3::new(0.4, -0.2, 0.05));
         let plate = FrameWrench { plate: "FP1".into(), force_n: vec![force], moment_nm: vec![at.cross(&force)] };
-        let found = center_of_pressure(&plate, 0, 0.05, 20.0);
+        let found = centre_of_pressure(&plate, 0, 0.05, 20.0);
         assert!(found.is_some_and(|c| (c - Vector2::new(0.4, -0.2)).norm() < 1e-12), "{found:?}");
-        assert!(center_of_pressure(&plate, 0, 0.05, 800.0).is_none());
+        assert!(centre_of_pressure(&plate, 0, 0.05, 800.0).is_none());
     }
 }

@@ -82,8 +82,8 @@ impl FreeFall {
         // the typical one, which counts as PRIOR_FREEDOM degrees of freedom.
         let half = |of: &dyn Fn(&Vector3<f64>) -> f64, usual: f64| {
             let n = known.len() as f64;
-            let center = known.iter().map(|(a, w)| of(a) * w).sum::<f64>() / frames;
-            let square = n * known.iter().map(|(a, w)| w * (of(a) - center).powi(2)).sum::<f64>() / frames;
+            let centre = known.iter().map(|(a, w)| of(a) * w).sum::<f64>() / frames;
+            let square = n * known.iter().map(|(a, w)| w * (of(a) - centre).powi(2)).sum::<f64>() / frames;
             let freedom = PRIOR_FREEDOM + known.len() - 1;
             let variance = (PRIOR_FREEDOM as f64 * usual * usual + square) / freedom as f64;
             (t975(freedom as f64) * (variance / n).sqrt()).hypot(t975(f64::INFINITY) * usual)

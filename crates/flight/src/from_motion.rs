@@ -1,6 +1,6 @@
 //! Flights from motion alone: the centre of mass falls with a constant acceleration.
 
-use crate::center_of_mass::CenterOfMass;
+use crate::centre_of_mass::CentreOfMass;
 use crate::explain::Clues;
 use crate::free_acceleration::{Acceleration, SLOW, Search, haste, inner, longest_frames};
 use crate::free_fall::FreeFall;
@@ -87,7 +87,7 @@ pub(crate) fn search(
     plates: Option<&PlateEvidence>,
 ) -> Result<Found, FlightError> {
     let stated = model.gravity_mps2;
-    let prior = CenterOfMass::new(model, phi, motion)?;
+    let prior = CentreOfMass::new(model, phi, motion)?;
     let size = stated.norm();
     let is_weak = |free: &Vector3<f64>| free.norm() < WEAK * STANDARD_GRAVITY_MPS2;
     // The dip before a jump resembles weak gravity; without plates, its gradual edges distinguish
@@ -191,7 +191,7 @@ struct Wanted {
 
 /// Flights in which the centre of mass accelerates with `free`.
 fn search_about(
-    mut com: CenterOfMass,
+    mut com: CentreOfMass,
     motion: &Motion,
     options: &FlightOptions,
     wanted: Wanted,
@@ -203,7 +203,7 @@ fn search_about(
     let guard = |seconds: f64| (seconds / slowness * rate_hz - 1e-9).ceil().max(0.0) as usize;
     let (takeoff_guard, landing_guard) = (guard(options.takeoff_guard_s), guard(options.landing_guard_s));
     let longest = longest_frames(free.norm(), rate_hz, options);
-    let stretches_of = |com: &CenterOfMass, widen: f64| -> Result<Vec<Range<usize>>, FlightError> {
+    let stretches_of = |com: &CentreOfMass, widen: f64| -> Result<Vec<Range<usize>>, FlightError> {
         Ok(Acceleration::of(&com.position_m, motion, options, slowness)?.stretches(&free, options, widen, |_| true))
     };
 

@@ -7,7 +7,7 @@
 //! weighs the body from the plate readings at rest; if the two disagree, a tare, a gain or the
 //! stated mass is wrong. Valid if all contact between the flights was on plates.
 
-use crate::center_of_mass::CenterOfMass;
+use crate::centre_of_mass::CentreOfMass;
 use crate::{Flight, FlightError, FrameWrench};
 use aloft_body::{Model, Motion, Phi};
 use serde::{Deserialize, Serialize};
@@ -45,7 +45,7 @@ pub fn impulse_masses(
     flights: &[Flight],
     total: &FrameWrench,
 ) -> Result<Vec<ImpulseMass>, FlightError> {
-    let path = CenterOfMass::new(model, phi, motion)?;
+    let path = CentreOfMass::new(model, phi, motion)?;
     let g = model.gravity_mps2.norm();
     let heights: Vec<f64> = path.position_m.iter().map(|p| p.z).collect();
     let middles: Vec<Option<(usize, f64)>> =

@@ -6,7 +6,7 @@
 //! result ([`FreeFall`]), not an assumption: a wrong frame rate, unit of length or vertical, and
 //! body-weight support, change it. Flights also give the readings of unloaded plates ([`tare`]).
 
-mod center_of_mass;
+mod centre_of_mass;
 mod combine;
 mod contact;
 mod coverage;

@@ -11,7 +11,7 @@ pub(crate) struct Parabola {
 impl Parabola {
     /// Least squares on the solved frames of a range; `None` with fewer than six.
     pub(crate) fn fit(position_m: &[Vector3<f64>], frames: Range<usize>, rate_hz: f64) -> Option<Self> {
-        let center_frame = 0.5 * (frames.start + frames.end) as f64;
+        let centre_frame = 0.5 * (frames.start + frames.end) as f64;
         let mut normal = Matrix3::zeros();
         let mut right = Matrix3::zeros();
         let mut used = 0;
@@ -20,7 +20,7 @@ impl Parabola {
             if !p.iter().all(|x| x.is_finite()) {
                 continue;
             }
-            let t = (frame as f64 - center_frame) / rate_hz;
+            let t = (frame as f64 - centre_frame) / rate_hz;
             let row = Vector3::new(1.0, t, t * t);
             normal += row * row.transpose();
             right += row * p.transpose();

@@ -86,7 +86,7 @@ impl PlateTare {
 
 /// Median and spread (1.4826 × median absolute deviation) of finite values.
 fn median_and_spread(values: &mut Vec<f64>) -> Option<(f64, f64)> {
-    median_and_deviation(values).map(|(center, deviation)| (center, 1.4826 * deviation))
+    median_and_deviation(values).map(|(centre, deviation)| (centre, 1.4826 * deviation))
 }
 
 /// Values (time, value) less the straight line through them, by least squares.

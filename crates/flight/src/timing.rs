@@ -8,7 +8,7 @@
 //! the delay of the plates. An error of the centre of mass that differs by δ between the two
 //! flights moves the crossing by δ / (b₂ − b₁).
 
-use crate::center_of_mass::CenterOfMass;
+use crate::centre_of_mass::CentreOfMass;
 use crate::{Flight, FlightError, FrameWrench};
 use aloft_body::{Model, Motion, Phi};
 use serde::{Deserialize, Serialize};
@@ -52,7 +52,7 @@ pub fn plate_delays(
     total: &FrameWrench,
     covered: impl Fn(usize) -> bool,
 ) -> Result<Vec<PlateDelay>, FlightError> {
-    let path = CenterOfMass::new(model, phi, motion)?;
+    let path = CentreOfMass::new(model, phi, motion)?;
     let heights: Vec<f64> = path.position_m.iter().map(|p| p.z).collect();
     let (g, rate_hz) = (model.gravity_mps2.norm(), motion.rate_hz);
     let mut out = Vec::new();

@@ -64,11 +64,11 @@ fn frame_means(channel: &[f64], rate_hz: f64, times_s: &[f64], frame_rate_hz: f6
     times_s
         .iter()
         .map(|time_s| {
-            let center = (time_s * rate_hz).round() as usize;
-            if center >= channel.len() {
+            let centre = (time_s * rate_hz).round() as usize;
+            if centre >= channel.len() {
                 return f64::NAN;
             }
-            let block = &channel[center.saturating_sub(half)..(center + half + 1).min(channel.len())];
+            let block = &channel[centre.saturating_sub(half)..(centre + half + 1).min(channel.len())];
             if block.iter().all(|x| x.is_finite()) { block.iter().sum::<f64>() / block.len() as f64 } else { f64::NAN }
         })
         .collect()

@@ -36,7 +36,7 @@ fn estimate(c: &mut Criterion) {
     c.bench_function("mass-constrained least squares", |b| b.iter(|| mass_constrained(&merged, truth.mass())));
     let mut whole = c.benchmark_group("21 flights, 128 parameters");
     whole.sample_size(10);
-    let chosen = IdentifyOptions { estimator: Estimator::Regularized { weight: None }, ..IdentifyOptions::default() };
+    let chosen = IdentifyOptions { estimator: Estimator::Regularised { weight: None }, ..IdentifyOptions::default() };
     whole.bench_function("regularised, weight chosen, intervals, consistent links", |b| {
         b.iter(|| identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &chosen));
     });

@@ -264,7 +264,7 @@ fn synthesise(model: &Model, phi: &[Phi], posture: &[f64], candidate: &Candidate
     let mut moved = q.clone();
     let mut v = vec![0.0; model.nv];
     state.forward_position(model, &q);
-    let (mass, center) = state.center_of_mass(phi);
+    let (mass, centre) = state.centre_of_mass(phi);
     // start: whole-body spin about the root's axis, or a slow tumble
     let spin = if candidate.spin {
         let mut axis = Vector3::zeros();
@@ -275,7 +275,7 @@ fn synthesise(model: &Model, phi: &[Phi], posture: &[f64], candidate: &Candidate
     };
     v[3..6].copy_from_slice(spin.as_slice());
     state.forward_velocity(model, &q, &v);
-    let angular = momentum(&state, phi, &center).fixed_rows::<3>(3).into_owned();
+    let angular = momentum(&state, phi, &centre).fixed_rows::<3>(3).into_owned();
     let mut out = Motion {
         trial: "candidate".to_owned(),
         rate_hz: options.rate_hz,
@@ -306,16 +306,16 @@ fn synthesise(model: &Model, phi: &[Phi], posture: &[f64], candidate: &Candidate
         for half in 0..2 {
             let here: &[f64] = if half == 0 { &q } else { &moved };
             state.forward_position(model, here);
-            let center = state.center_of_mass(phi).1;
+            let centre = state.centre_of_mass(phi).1;
             v[..6].fill(0.0);
             state.forward_velocity(model, here, &v);
-            let own = momentum(&state, phi, &center);
+            let own = momentum(&state, phi, &centre);
             let joints = v[6..].to_vec();
             v.fill(0.0);
             for c in 0..6 {
                 v[c] = 1.0;
                 state.forward_velocity(model, here, &v);
-                matrix.set_column(c, &momentum(&state, phi, &center));
+                matrix.set_column(c, &momentum(&state, phi, &centre));
                 v[c] = 0.0;
             }
             v[6..].copy_from_slice(&joints);

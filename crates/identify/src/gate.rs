@@ -128,8 +128,8 @@ pub(crate) fn judge(
         }
     }
     match estimator {
-        Estimator::Regularized { .. } if hardly_seen.is_empty() => {}
-        Estimator::Regularized { .. } => reasons.push(format!(
+        Estimator::Regularised { .. } if hardly_seen.is_empty() => {}
+        Estimator::Regularised { .. } => reasons.push(format!(
             "{} of {} parameters are from tables; combinations that move the whole body are known better than each of them",
             hardly_seen.len(),
             parameters.len()
@@ -137,7 +137,7 @@ pub(crate) fn judge(
         _ if share > limits.hardly_share => {
             passed = false;
             reasons.push(format!(
-                "{} of {} parameters are not determined (their error exceeds 7 % of the body's own scale); use tables (`estimator: regularized`) or add motion",
+                "{} of {} parameters are not determined (their error exceeds 7 % of the body's own scale); use tables (`estimator: regularised`) or add motion",
                 hardly_seen.len(),
                 parameters.len()
             ));

@@ -72,7 +72,7 @@ impl Default for IdentifyOptions {
 /// Identifies parameters from the factors of all stretches.
 ///
 /// [`Estimator::NullVector`] uses only flights and leaves contact stretches out; the others use
-/// both. `prior` is required for [`Estimator::Regularized`] and for consistent links; with another
+/// both. `prior` is required for [`Estimator::Regularised`] and for consistent links; with another
 /// estimator it is only reported next to the results (and used for the links).
 ///
 /// # Errors
@@ -137,7 +137,7 @@ pub fn identify_with_slides(
     let visible = match options.estimator {
         Estimator::NullVector(_) => Visible::default(),
         Estimator::MassConstrained => Visible::among(factors, false)?,
-        Estimator::Regularized { .. } => Visible::among(factors, base_prior.is_some())?,
+        Estimator::Regularised { .. } => Visible::among(factors, base_prior.is_some())?,
     };
     let reduced = visible.reduce_all(factors)?;
     let factors = reduced.as_slice();
@@ -150,7 +150,7 @@ pub fn identify_with_slides(
             (factors.iter().filter(|f| f.kind != StretchKind::Contact).cloned().collect(), None)
         }
         Estimator::MassConstrained => balanced(factors, mass_kg, None)?,
-        Estimator::Regularized { .. } => balanced(factors, mass_kg, base_prior.as_ref())?,
+        Estimator::Regularised { .. } => balanced(factors, mass_kg, base_prior.as_ref())?,
     };
     let factors = factors.as_slice();
     let (groups, cluster_names) = options.cluster.groups(factors);
@@ -175,7 +175,7 @@ pub fn identify_with_slides(
         Estimator::MassConstrained => {
             Fit::least_squares(&clusters, &merged, mass_kg, None, 0.0, Vec::new(), tissue.as_ref(), options)?
         }
-        Estimator::Regularized { weight } => {
+        Estimator::Regularised { weight } => {
             let prior = base_prior.as_ref().ok_or_else(|| IdentifyError::Option {
                 option: "estimator",
                 problem: "`regularised` needs a prior".to_owned(),
@@ -217,7 +217,7 @@ pub fn identify_with_slides(
     trials.sort_unstable();
     trials.dedup();
     let estimator = match options.estimator {
-        Estimator::Regularized { .. } => Estimator::Regularized { weight: Some(fit.prior_weight) },
+        Estimator::Regularised { .. } => Estimator::Regularised { weight: Some(fit.prior_weight) },
         other => other,
     };
     let parameters = Parameters {

@@ -9,7 +9,7 @@
 //! |---|---|---|
 //! | [`Estimator::NullVector`] | the smallest singular vector, scaled by the mass (the paper) | flights, rich motion |
 //! | [`Estimator::MassConstrained`] | squares of all rows with the mass held | flights, contact, effects |
-//! | [`Estimator::Regularized`] | the same, drawn to the prior as far as held-out flights allow | people, few flights |
+//! | [`Estimator::Regularised`] | the same, drawn to the prior as far as held-out flights allow | people, few flights |
 //!
 //! Standard errors are cluster-robust (the unit of evidence is the flight or the trial, never the
 //! row), and every 95 % interval comes from [`interval95`]. [`consistent_links`] finds physical
@@ -89,7 +89,7 @@ pub fn point_estimate(
     estimator: Estimator,
 ) -> Result<DVector<f64>, IdentifyError> {
     let prepared = match (estimator, prior) {
-        (Estimator::Regularized { .. }, Some(prior)) => Some(prior.prepared(mass_kg)?),
+        (Estimator::Regularised { .. }, Some(prior)) => Some(prior.prepared(mass_kg)?),
         _ => None,
     };
     point_estimate_prepared(merged, mass_kg, prepared.as_ref(), estimator)
@@ -108,7 +108,7 @@ pub fn point_estimate_prepared(
     match estimator {
         Estimator::NullVector(scaling) => Ok(null_vector(merged, mass_kg, scaling)?.parameters),
         Estimator::MassConstrained => mass_constrained(merged, mass_kg),
-        Estimator::Regularized { weight } => {
+        Estimator::Regularised { weight } => {
             let visible = Visible::of(merged, prior.is_some());
             let system = system::System::prepared(&visible.reduce(merged)?, mass_kg, prior)?;
             Ok(visible.whole(system.solve(weight.unwrap_or(1.0) * system.row_variance()).x))

@@ -22,8 +22,8 @@ pub enum Estimator {
     /// Least squares with the body mass held fixed.
     MassConstrained,
     /// Least squares with the body mass held fixed, regularised towards the prior.
-    #[serde(rename = "regularised", alias = "regularized")]
-    Regularized {
+    #[serde(alias = "regularized")]
+    Regularised {
         /// Weight λ of the prior; if absent, chosen by leave-one-cluster-out error.
         #[serde(default)]
         weight: Option<f64>,
@@ -36,7 +36,7 @@ impl Estimator {
         match self {
             Self::NullVector(_) => "null_vector",
             Self::MassConstrained => "mass_constrained",
-            Self::Regularized { .. } => "regularised",
+            Self::Regularised { .. } => "regularised",
         }
     }
 }

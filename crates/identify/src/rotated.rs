@@ -61,7 +61,7 @@ impl RotatedRows {
         let (prior, prior_weight) = match estimator {
             Estimator::NullVector(_) => return Ok(None),
             Estimator::MassConstrained => (None, None),
-            Estimator::Regularized { weight } => (prior, prior.map(|_| weight.unwrap_or(1.0))),
+            Estimator::Regularised { weight } => (prior, prior.map(|_| weight.unwrap_or(1.0))),
         };
         let (p, k) = (merged.n_parameters(), merged.n_effects());
         let m = p - 1;

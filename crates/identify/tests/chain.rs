@@ -232,10 +232,10 @@ fn the_gate_refuses_what_is_not_determined() {
     assert!(!found.parameters.gate.passed && found.parameters.gate.reasons[0].contains("σ"));
     assert!(identify(&truth.model, &truth.base, &[], truth.mass(), None, &strict).is_err());
     assert!(identify(&truth.model, &truth.base, &factors, -1.0, None, &IdentifyOptions::default()).is_err());
-    let regularized =
-        IdentifyOptions { estimator: Estimator::Regularized { weight: None }, ..IdentifyOptions::default() };
+    let regularised =
+        IdentifyOptions { estimator: Estimator::Regularised { weight: None }, ..IdentifyOptions::default() };
     assert!(matches!(
-        identify(&truth.model, &truth.base, &factors, truth.mass(), None, &regularized),
+        identify(&truth.model, &truth.base, &factors, truth.mass(), None, &regularised),
         Err(IdentifyError::Option { .. })
     ));
 }

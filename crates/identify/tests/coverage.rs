@@ -366,7 +366,7 @@ fn validate_intervals_of_people() {
             soft_m,
             window_s: 0.25,
             white,
-            estimator: Estimator::Regularized { weight: None },
+            estimator: Estimator::Regularised { weight: None },
             effects: true,
             prior,
         };
@@ -387,7 +387,7 @@ fn soft_tissue_widens_intervals_by_the_size_that_markers_show() {
         soft_m,
         window_s: 0.25,
         white: false,
-        estimator: Estimator::Regularized { weight: Some(1.0) },
+        estimator: Estimator::Regularised { weight: Some(1.0) },
         effects: false,
         prior: TABLE,
     };

@@ -146,7 +146,7 @@ fn effects_that_rows_cannot_see_move_nothing() {
     let mut worst = 0.0f64;
     for (name, estimators) in [
         ("chain_p", vec![Estimator::MassConstrained]),
-        ("subject_a", vec![Estimator::Regularized { weight: Some(1.0) }]),
+        ("subject_a", vec![Estimator::Regularised { weight: Some(1.0) }]),
     ] {
         let truth = load(name);
         let prior = prior(&truth);
@@ -207,7 +207,7 @@ fn every_estimator_of_merged_rows_leaves_hidden_columns_out() {
     let base_prior = prior.base(&truth.base).unwrap();
     let plain = factors(&truth, &[None], true);
     let merged = Factor::merge(&plain).unwrap();
-    let regularized = Estimator::Regularized { weight: Some(2.0) };
+    let regularised = Estimator::Regularised { weight: Some(2.0) };
     let p = truth.base.len();
     for model in models().into_iter().filter(|m| m.contains(&None)) {
         let rows = factors(&truth, &model, true);
@@ -219,7 +219,7 @@ fn every_estimator_of_merged_rows_leaves_hidden_columns_out() {
             assert!((p..a.len()).filter(|i| *i != own).all(|i| a[i] == 0.0), "{model:?}");
         };
         same(&mass_constrained(&all, truth.mass()).unwrap(), &mass_constrained(&merged, truth.mass()).unwrap());
-        let of = |f: &Factor| point_estimate(f, truth.mass(), Some(&base_prior), regularized).unwrap();
+        let of = |f: &Factor| point_estimate(f, truth.mass(), Some(&base_prior), regularised).unwrap();
         same(&of(&all), &of(&merged));
         // the choice of window and the weight of contact do not change either
         let choice = |f: &[Factor]| {

@@ -44,7 +44,7 @@ fn run(truth: &Truth, prior: &LinkPrior, factors: &[Factor], estimator: Estimato
     identify(&truth.model, &truth.base, factors, truth.mass(), Some(prior), &options).unwrap().parameters
 }
 
-const REGULARISED: Estimator = Estimator::Regularized { weight: None };
+const REGULARISED: Estimator = Estimator::Regularised { weight: None };
 
 #[test]
 fn validate_the_gate_turns_with_the_information_that_flights_add() {

@@ -84,8 +84,8 @@ fn wrench_error(truth: &Truth, x: &DVector<f64>) -> (f64, f64) {
     (force / recorded.len() as f64, moment / recorded.len() as f64)
 }
 
-fn regularized(weight: Option<f64>) -> IdentifyOptions {
-    IdentifyOptions { estimator: Estimator::Regularized { weight }, ..IdentifyOptions::default() }
+fn regularised(weight: Option<f64>) -> IdentifyOptions {
+    IdentifyOptions { estimator: Estimator::Regularised { weight }, ..IdentifyOptions::default() }
 }
 
 #[test]
@@ -96,7 +96,7 @@ fn validate_three_flights_and_a_prior_find_the_person() {
     for (soft_m, white) in [(0.0, false), (0.0, true), (0.003, true)] {
         let factors = weak_factors(&truth, &prior, 1, soft_m, white);
         let found =
-            identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularized(Some(1.0))).unwrap();
+            identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(Some(1.0))).unwrap();
         let after = wrench_error(&truth, &found.parameters.base_values());
         println!("soft tissue {soft_m} m, whitened {white}: prior {before:.2?}, identified {after:.2?} N, N·m");
         let gain = if soft_m > 0.0 { 0.3 } else { 0.1 };
@@ -123,7 +123,7 @@ fn links_are_consistent_keep_the_mass_and_the_base_parameters() {
     for soft_m in [0.0, 0.003] {
         let factors = weak_factors(&truth, &prior, 2, soft_m, true);
         let found =
-            identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularized(Some(1.0))).unwrap();
+            identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(Some(1.0))).unwrap();
         let p: &Parameters = &found.parameters;
         assert_eq!(p.links.len(), 15);
         let phi: Vec<Phi> = p.links.iter().map(|l| l.inertia().to_phi()).collect();
@@ -160,7 +160,7 @@ fn repeating_errors_widen_intervals_and_more_motion_narrows_them() {
     let prior = prior(&truth, 6);
     let factors = weak_factors(&truth, &prior, 1, 0.0, true);
     let run = |factors: &[Factor], repeat: f64| {
-        let options = IdentifyOptions { flight_error_correlation: repeat, ..regularized(Some(1.0)) };
+        let options = IdentifyOptions { flight_error_correlation: repeat, ..regularised(Some(1.0)) };
         identify(&truth.model, &truth.base, factors, truth.mass(), Some(&prior), &options).unwrap().parameters
     };
     let mean = |p: &Parameters| p.base.iter().skip(1).map(|b| (b.se / b.prior_sd.unwrap()).ln()).sum::<f64>();
@@ -168,7 +168,7 @@ fn repeating_errors_widen_intervals_and_more_motion_narrows_them() {
     assert!(mean(&three) < mean(&one));
     assert!(mean(&repeating) > mean(&three));
     assert!(three.base.iter().all(|b| b.se <= 1.05 * b.prior_sd.unwrap() || b.name == "M"));
-    let chosen = identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularized(None))
+    let chosen = identify(&truth.model, &truth.base, &factors, truth.mass(), Some(&prior), &regularised(None))
         .unwrap()
         .parameters;
     assert_eq!(chosen.weights_tried.len(), 3);
@@ -179,7 +179,7 @@ fn repeating_errors_widen_intervals_and_more_motion_narrows_them() {
         &factors,
         truth.mass(),
         Some(&prior),
-        &IdentifyOptions { cluster: ClusterBy::Trial, ..regularized(None) },
+        &IdentifyOptions { cluster: ClusterBy::Trial, ..regularised(None) },
     )
     .unwrap()
     .parameters;
@@ -208,7 +208,7 @@ fn advice_names_a_motion_that_helps() {
     let factors = weak_factors(&truth, &prior, 1, 0.0, false);
     let weak = WeakOptions { window_s: Some(0.25), ..WeakOptions::default() };
     let options = AdviceOptions::default();
-    let found = identify(&truth.model, &truth.base, &factors[..1], truth.mass(), Some(&prior), &regularized(Some(1.0)))
+    let found = identify(&truth.model, &truth.base, &factors[..1], truth.mass(), Some(&prior), &regularised(Some(1.0)))
         .unwrap();
     let advice = excitation_advice(
         &truth.model,

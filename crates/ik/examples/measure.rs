@@ -40,7 +40,7 @@ fn main() {
     let mut options = CalibrateOptions { ik: ik.clone(), ..CalibrateOptions::default() };
     if arguments.iter().any(|a| a == "--scale-priors") {
         for joint in &scaled.report.joints {
-            options.joint_sd_m.insert(joint.link.clone(), joint.center_sd_m);
+            options.joint_sd_m.insert(joint.link.clone(), joint.centre_sd_m);
             if let Some(sd) = joint.axis_sd_rad {
                 options.axis_sd_rad.insert(joint.link.clone(), sd);
             }
@@ -101,7 +101,7 @@ fn main() {
             sum += r.rms_m;
             frames += r.n_frames;
             if let Some(out) = &out {
-                write_centers(subject, &result.motion, &out.join(format!("{}_{stage}.txt", trial.name)));
+                write_centres(subject, &result.motion, &out.join(format!("{}_{stage}.txt", trial.name)));
             }
         }
         println!(
@@ -183,7 +183,7 @@ fn facts(folder: &Path) -> PersonFacts {
     }
 }
 
-fn write_centers(subject: &Subject, motion: &aloft_body::Motion, path: &Path) {
+fn write_centres(subject: &Subject, motion: &aloft_body::Motion, path: &Path) {
     let mut state = State::new(&subject.model);
     let mut text = String::new();
     for link in &subject.model.links {

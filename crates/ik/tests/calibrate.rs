@@ -15,7 +15,7 @@ use rand_distr::{Distribution, Normal};
 
 /// Displaces joints and rotates hinges as wrong landmarks would: every marker stays in place in the
 /// static posture.
-fn spoil(truth: &Subject, center_sd_m: f64, axis_sd_rad: f64, seed: u64) -> Subject {
+fn spoil(truth: &Subject, centre_sd_m: f64, axis_sd_rad: f64, seed: u64) -> Subject {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let normal = Normal::new(0.0, 1.0).unwrap();
     let mut subject = truth.clone();
@@ -24,7 +24,7 @@ fn spoil(truth: &Subject, center_sd_m: f64, axis_sd_rad: f64, seed: u64) -> Subj
         state.forward_position(&subject.model, &subject.static_q);
         let rotation = state.world_from_link[i].rotation;
         let parent = subject.model.links[i].parent.unwrap();
-        let shift = Vector3::from_fn(|_, _| center_sd_m * normal.sample(&mut rng));
+        let shift = Vector3::from_fn(|_, _| centre_sd_m * normal.sample(&mut rng));
         let mut turn = Rotation3::identity();
         if let JointKind::Revolute(_) = subject.model.links[i].joint.kind {
             let (a, b) = (normal.sample(&mut rng), normal.sample(&mut rng));
@@ -49,7 +49,7 @@ fn spoil(truth: &Subject, center_sd_m: f64, axis_sd_rad: f64, seed: u64) -> Subj
 }
 
 /// Joint centres in the static posture.
-fn centers(subject: &Subject) -> Vec<Vector3<f64>> {
+fn centres(subject: &Subject) -> Vec<Vector3<f64>> {
     let mut state = State::new(&subject.model);
     state.forward_position(&subject.model, &subject.static_q);
     state.world_from_link.iter().map(|p| p.translation.vector).collect()
@@ -61,7 +61,7 @@ fn centers(subject: &Subject) -> Vec<Vector3<f64>> {
 fn error(truth: &Subject, other: &Subject) -> f64 {
     let mut state = State::new(&truth.model);
     state.forward_position(&truth.model, &truth.static_q);
-    let (a, b) = (centers(truth), centers(other));
+    let (a, b) = (centres(truth), centres(other));
     let (mut sum, mut count) = (0.0, 0);
     for i in 1..a.len() {
         if truth.model.links[i].name.starts_with("forearm") {
@@ -143,7 +143,7 @@ fn chain_hinge_is_found() {
     let mut state = State::new(&truth.model);
     state.forward_position(&truth.model, &truth.static_q);
     let axis = state.world_from_link[1].rotation * Vector3::z();
-    let gap = centers(&truth)[1] - centers(&result.subject)[1];
+    let gap = centres(&truth)[1] - centres(&result.subject)[1];
     let across = gap - axis * axis.dot(&gap);
     assert!(across.norm() < 3e-4, "hinge off by {across:?}");
     state.forward_position(&result.subject.model, &result.subject.static_q);

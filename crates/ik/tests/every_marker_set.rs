@@ -98,21 +98,21 @@ fn worn(person: &Subject, set: &MarkerSet) -> Subject {
         let origin =
             |name: String| person.model.link_index(&name).ok().map(|k| state.world_from_link[k].translation.vector);
         const CENTERS: [(&str, &str); 6] = [
-            ("hip_center_", "thigh_"),
-            ("knee_center_", "shank_"),
-            ("ankle_center_", "foot_"),
-            ("shoulder_center_", "upper_arm_"),
-            ("elbow_center_", "forearm_"),
-            ("wrist_center_", "hand_"),
+            ("hip_centre_", "thigh_"),
+            ("knee_centre_", "shank_"),
+            ("ankle_centre_", "foot_"),
+            ("shoulder_centre_", "upper_arm_"),
+            ("elbow_centre_", "forearm_"),
+            ("wrist_centre_", "hand_"),
         ];
         let given = m.landmark.as_deref().and_then(|name| {
-            let center = CENTERS.iter().find_map(|(center, link)| Some((link, name.strip_prefix(center)?)));
-            match (center, name) {
+            let centre = CENTERS.iter().find_map(|(centre, link)| Some((link, name.strip_prefix(centre)?)));
+            match (centre, name) {
                 (Some((link, side)), _) => origin(format!("{link}{side}")),
                 (None, "foot_forward_r" | "foot_forward_l") => {
                     origin(format!("foot{}", &name[name.len() - 2..])).map(|p| p + Vector3::x() * 0.1)
                 }
-                (None, "neck_center") => origin("head".to_owned()),
+                (None, "neck_centre") => origin("head".to_owned()),
                 (None, "pelvis_up") => origin("pelvis".to_owned()).map(|p| p + Vector3::z() * 0.1),
                 (None, name) => landmark(name),
             }

@@ -39,6 +39,12 @@ pub fn leaves() -> Vec<&'static str> {
     out
 }
 
+/// Stages that read merged factors.
+pub fn readers() -> Vec<&'static str> {
+    let merged = |n: &Need| matches!(n, Need::Merged(..));
+    STAGES.iter().filter(|s| s.needs.iter().any(merged)).map(|s| s.name).collect()
+}
+
 /// Version of the stored nodes; to be raised when their contents change.
 const VERSION: u32 = 2;
 
@@ -96,6 +102,11 @@ impl Tree {
             out.push(below);
         }
         out
+    }
+
+    /// The trials, in the order of the leaves.
+    pub fn trials(&self) -> &[String] {
+        &self.trials
     }
 
     fn root(&self) -> Option<Node> {

@@ -3,7 +3,7 @@
 use crate::results::Results;
 use aloft_compare::{OffsetRange, TareReadings};
 use aloft_flight::{PlateTare, TareSource};
-use aloft_workspace::artifact::{plate_centers, trial_rate};
+use aloft_workspace::artifact::{plate_centres, trial_rate};
 use aloft_workspace::error::StageFailure;
 use nalgebra::{Vector3, Vector6};
 
@@ -15,10 +15,10 @@ pub(crate) fn tare_readings(results: Results<'_>, name: &str) -> Result<TareRead
     if !tares.iter().all(alike) {
         return Ok(TareReadings::default());
     }
-    let centers = plate_centers(&results.place("import", name)?)?;
+    let centres = plate_centres(&results.place("import", name)?)?;
     let join = |(f, m): (&Vector3<f64>, &Vector3<f64>)| Vector6::new(f.x, f.y, f.z, m.x, m.y, m.z);
     let of = |t: &PlateTare| t.force_n.iter().zip(&t.moment_nm).map(join).collect();
-    let plates = centers.into_iter().zip(tares.iter().map(of)).collect();
+    let plates = centres.into_iter().zip(tares.iter().map(of)).collect();
     let flights = results.load_flights(name)?.flights;
     let frames: usize = flights.iter().map(aloft_flight::Flight::n_frames).sum();
     let rate_hz = trial_rate(&results.place("import", name)?)?;

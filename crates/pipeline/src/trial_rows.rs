@@ -60,7 +60,7 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
     if effects.model.is_empty() {
         return Ok(None);
     }
-    let scene = Scene::new(&rows.subject.model, &rows.subject.prior_phi(), &rows.plate_centers_m);
+    let scene = Scene::new(&rows.subject.model, &rows.subject.prior_phi(), &rows.plate_centres_m);
     let known = KnownEffects::of(&effects.own, &scene)?;
     // a trial with plates is covered completely, so that the comparison also sees the effect
     // between the stretches
@@ -88,7 +88,7 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
     for group in effects.model.chunk_by(|a, b| a.volume_m == b.volume_m) {
         let mut scene = scene.clone();
         if let Some((middle, reach)) = group[0].volume_m {
-            (scene.volume_center_m, scene.volume_reach_m) = (middle.into(), reach);
+            (scene.volume_centre_m, scene.volume_reach_m) = (middle.into(), reach);
         }
         let choices = group.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
         // laws of joints exert nothing on the body as a whole
@@ -136,7 +136,7 @@ pub struct TrialRows {
     /// Each plate, unfiltered.
     pub plates: Vec<PlateSeries>,
     /// Centres of the plates, world, m.
-    pub plate_centers_m: Vec<Vector3<f64>>,
+    pub plate_centres_m: Vec<Vector3<f64>>,
     /// Seconds from the start of the session to the first frame (0 without plates, where nothing
     /// depends on it).
     pub session_time_s: f64,
@@ -183,7 +183,7 @@ impl TrialRows {
         let covered = results.load_coverage(name)?.mask();
         let (mut wrench, mut wrench_filtered) = (None, None);
         let mut plates = Vec::new();
-        let plate_centers_m = trial
+        let plate_centres_m = trial
             .plates
             .iter()
             .map(|p| p.corners_m.iter().sum::<Vector3<f64>>() / p.corners_m.len().max(1) as f64)
@@ -221,7 +221,7 @@ impl TrialRows {
             wrench,
             wrench_filtered,
             plates,
-            plate_centers_m,
+            plate_centres_m,
             session_time_s,
             calendar,
         })

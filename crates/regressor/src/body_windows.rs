@@ -6,7 +6,7 @@
 //! the noise floor of a comparison) this takes a tenth of the time.
 
 use crate::stretch::Acting;
-use crate::test_function::{TestFunction, window_centers};
+use crate::test_function::{TestFunction, window_centres};
 use crate::velocities::{run_velocities, valid_runs};
 use crate::weak_windows::fit_origin;
 use crate::{RegressorError, Stretch, WeakOptions};
@@ -18,7 +18,7 @@ use nalgebra::{SMatrix, Vector3, Vector6};
 #[derive(Debug, Clone, Default)]
 pub struct BodyWindows {
     /// Frame at the centre of each window.
-    pub centers: Vec<usize>,
+    pub centres: Vec<usize>,
     /// Force (N) and moment about the moment origin (N·m), world axes.
     pub wrench: Vec<Vector6<f64>>,
     /// `∫ψ o dt / ∫ψ dt` of the moment origin, m, world.
@@ -52,12 +52,12 @@ pub fn body_windows(
     let mut out = BodyWindows::default();
     let mut state = State::new(model);
     for (start, stop) in valid_runs(first, end, |f| motion.is_valid(f) && acting.is_finite(stretch, f)) {
-        let centers = window_centers(start + 1, stop.saturating_sub(1), half, hop);
-        if centers.is_empty() {
+        let centres = window_centres(start + 1, stop.saturating_sub(1), half, hop);
+        if centres.is_empty() {
             continue;
         }
         state.forward_position(model, motion.q((start + stop) / 2));
-        let fixed = state.center_of_mass(prior).1;
+        let fixed = state.centre_of_mass(prior).1;
         let velocities = run_velocities(model, motion, start, stop);
         let mut sums = Vec::with_capacity(stop - start);
         let mut path = Vec::with_capacity(stop - start);
@@ -65,10 +65,10 @@ pub fn body_windows(
             let v = &velocities[(frame - start) * model.nv..][..model.nv];
             state.forward_velocity(model, motion.q(frame), v);
             sums.push(moments(&state, phi, &fixed));
-            path.push(state.center_of_mass(prior).1);
+            path.push(state.centre_of_mass(prior).1);
         }
-        for center in centers {
-            let begin = center - half - start;
+        for centre in centres {
+            let begin = centre - half - start;
             let (origin, fall) =
                 fit_origin(&path[begin..begin + test.n_frames()], &test, stretch.kind, &model.gravity_mps2);
             let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
@@ -80,14 +80,14 @@ pub fn body_windows(
                 let p: Vector3<f64> = s.fixed_rows::<3>(3).into();
                 let h = s.fixed_rows::<3>(6) - d.cross(&p) + at.velocity.cross(&c);
                 let (psi, first, second) = (test.psi[i], test.psi_dot[i], test.psi_ddot[i]);
-                let measured: Vector6<f64> = acting.wrench(stretch, center - half + i);
+                let measured: Vector6<f64> = acting.wrench(stretch, centre - half + i);
                 let (f, n): (Vector3<f64>, Vector3<f64>) =
                     (measured.fixed_rows::<3>(0).into(), measured.fixed_rows::<3>(3).into());
                 force += c * second - fall * (psi * mass_kg) - f * psi;
                 moment += fall.cross(&c) * psi - h * first - (n - at.position.cross(&f)) * psi;
                 middle += at.position * psi;
             }
-            out.centers.push(center);
+            out.centres.push(centre);
             out.wrench.push(Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z) * per_second);
             out.path.push(middle * per_second);
         }

@@ -33,7 +33,7 @@ pub use limits::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR};
 pub use noise::{CoordinateNoise, Noise};
 pub use stretch::{Acting, EffectColumns, Stretch, StretchKind};
 pub use test_function::TestFunction;
-pub use test_function::window_centers;
+pub use test_function::window_centres;
 pub use tissue::{Slides, Tissue};
 pub use velocities::run_velocities;
 pub use weak::{body_radius_m, weak_factor, weak_factor_with_tissue};

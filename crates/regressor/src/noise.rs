@@ -81,8 +81,8 @@ pub(crate) fn row_covariance(
     check_noise(model, motion, &noise.coordinates)?;
     let half = rows.test.half;
     let reach = half + CENTRAL.len() - 1;
-    let first = rows.centers.iter().min().map_or(0, |c| c.saturating_sub(reach)).max(stretch.first_frame);
-    let end = (rows.centers.iter().max().map_or(0, |c| c + reach + 1)).min(stretch.end_frame);
+    let first = rows.centres.iter().min().map_or(0, |c| c.saturating_sub(reach)).max(stretch.first_frame);
+    let end = (rows.centres.iter().max().map_or(0, |c| c + reach + 1)).min(stretch.end_frame);
     let frames: Vec<Option<FrameNoise>> = (first..end)
         .into_par_iter()
         .map(|f| {
@@ -93,10 +93,10 @@ pub(crate) fn row_covariance(
             }
         })
         .collect::<Result<_, _>>()?;
-    let mut sensitivity = Mat::<f64>::zeros(6 * rows.centers.len(), (end - first) * nv);
-    for (w, &center) in rows.centers.iter().enumerate() {
+    let mut sensitivity = Mat::<f64>::zeros(6 * rows.centres.len(), (end - first) * nv);
+    for (w, &centre) in rows.centres.iter().enumerate() {
         for i in 0..rows.test.n_frames() {
-            let frame = center - half + i;
+            let frame = centre - half + i;
             let Some(Some(here)) = frames.get(frame - first) else { continue };
             let origin = &rows.origin[w][i];
             let d = (origin.position - here.fixed).cross_matrix();
@@ -248,7 +248,7 @@ impl FrameNoise {
         let reach = (1..CENTRAL.len()).take_while(|&k| seen(k)).last().unwrap_or(0);
         let v = Velocity::new(model).at(model, motion, frame - reach, frame + reach + 1, frame).to_vec();
         state.forward_velocity(model, q, &v);
-        let fixed = state.center_of_mass(prior).1;
+        let fixed = state.centre_of_mass(prior).1;
         let mut by_q = DMatrix::zeros(9, nv);
         let mut by_v = DMatrix::zeros(6, nv);
         let mut direction = vec![0.0; nv];

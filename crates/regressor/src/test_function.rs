@@ -106,7 +106,7 @@ fn correct(weights: &mut [f64], taus: &[f64], power: i32, wanted: &[(i32, f64)])
 /// Centres of windows over the frames `start .. end` of a run: as many as needed for steps of at
 /// most `hop` frames, evenly spaced, with the first and last window touching the ends. Empty if the
 /// run is shorter than the window.
-pub fn window_centers(start: usize, end: usize, half: usize, hop: usize) -> Vec<usize> {
+pub fn window_centres(start: usize, end: usize, half: usize, hop: usize) -> Vec<usize> {
     let length = end.saturating_sub(start);
     if length < 2 * half + 1 {
         return Vec::new();
@@ -153,12 +153,12 @@ mod tests {
 
     #[test]
     fn windows_touch_both_ends() {
-        let centers = window_centers(100, 160, 19, 10);
-        assert_eq!(centers.first(), Some(&119));
-        assert_eq!(centers.last(), Some(&140));
-        assert!(centers.windows(2).all(|w| w[1] > w[0] && w[1] - w[0] <= 11));
-        assert_eq!(window_centers(0, 39, 19, 5), vec![19]);
-        assert!(window_centers(0, 38, 19, 5).is_empty());
+        let centres = window_centres(100, 160, 19, 10);
+        assert_eq!(centres.first(), Some(&119));
+        assert_eq!(centres.last(), Some(&140));
+        assert!(centres.windows(2).all(|w| w[1] > w[0] && w[1] - w[0] <= 11));
+        assert_eq!(window_centres(0, 39, 19, 5), vec![19]);
+        assert!(window_centres(0, 38, 19, 5).is_empty());
     }
 
     #[test]

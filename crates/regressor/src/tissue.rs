@@ -77,13 +77,13 @@ pub(crate) fn slide_rows(
     tissue: &Tissue<'_>,
 ) -> Result<(Mat<f64>, f64, f64), RegressorError> {
     let half = rows.test.half;
-    let first = rows.centers.iter().min().map_or(0, |c| c - half - 1);
-    let end = rows.centers.iter().max().map_or(0, |c| c + half + 2).min(motion.n_frames());
+    let first = rows.centres.iter().min().map_or(0, |c| c - half - 1);
+    let end = rows.centres.iter().max().map_or(0, |c| c + half + 2).min(motion.n_frames());
     let skin = Skin::new(model, motion, tissue);
     let draws = tissue.draws;
     let mut state = State::new(model);
     state.forward_position(model, motion.q((first + end) / 2));
-    let fixed = state.center_of_mass(prior).1;
+    let fixed = state.centre_of_mass(prior).1;
     // response of each frame's coordinates to the slides (coordinate × realisation), and the
     // remaining residual
     let mut follows = vec![0.0; (end - first) * model.nv * draws];
@@ -112,9 +112,9 @@ pub(crate) fn slide_rows(
         }
     }
     let changes = Changes::of(model, prior, motion, first..end, &follows, fixed, draws);
-    let mut out = Mat::zeros(6 * rows.centers.len(), draws);
-    for (w, &center) in rows.centers.iter().enumerate() {
-        let sums = changes.window(rows, w, center - half - first, &model.gravity_mps2, motion.rate_hz);
+    let mut out = Mat::zeros(6 * rows.centres.len(), draws);
+    for (w, &centre) in rows.centres.iter().enumerate() {
+        let sums = changes.window(rows, w, centre - half - first, &model.gravity_mps2, motion.rate_hz);
         for (axis, row) in sums.chunks_exact(draws).enumerate() {
             for (draw, value) in row.iter().enumerate() {
                 out[(6 * w + axis, draw)] = *value;
@@ -394,8 +394,8 @@ mod tests {
         let mut expected_residual = 0.0;
         let mut follows = vec![vec![0.0; n * model.nv]; tissue.draws];
         let half = rows.test.half;
-        let first = rows.centers.iter().min().unwrap() - half - 1;
-        let end = (rows.centers.iter().max().unwrap() + half + 2).min(n);
+        let first = rows.centres.iter().min().unwrap() - half - 1;
+        let end = (rows.centres.iter().max().unwrap() + half + 2).min(n);
         for frame in 0..n {
             let q = motion.q(frame);
             state.forward_position(&model, q);
@@ -425,18 +425,18 @@ mod tests {
         }
         assert!((predicted / expected_residual - 1.0).abs() < 1e-6, "{predicted} {expected_residual}");
         state.forward_position(&model, motion.q((first + end) / 2));
-        let fixed = state.center_of_mass(&phi).1;
+        let fixed = state.centre_of_mass(&phi).1;
         for (draw, follow) in follows.iter().enumerate() {
             let side = |sign: f64| {
                 let shift: Vec<f64> = follow.iter().map(|x| sign * STEP * x).collect();
                 series(&model, &phi, &motion, &fixed, &shift)
             };
             let changes: Vec<_> = side(1.0).iter().zip(side(-1.0)).map(|(a, b)| (a - b) / (2.0 * STEP)).collect();
-            for (w, center) in rows.centers.iter().enumerate() {
+            for (w, centre) in rows.centres.iter().enumerate() {
                 let path = &rows.origin[w];
                 let mut sums = [0.0; 6];
                 for (i, origin) in path.iter().enumerate() {
-                    let at = &changes[center - half + i];
+                    let at = &changes[centre - half + i];
                     let part = |k: usize| Vector3::new(at[3 * k], at[3 * k + 1], at[3 * k + 2]);
                     let about = part(2) - (origin.position - fixed).cross(&part(1)) + origin.velocity.cross(&part(0));
                     let inside = i.checked_sub(1).and_then(|j| Some((path.get(j)?, path.get(i + 1)?)));

@@ -101,14 +101,14 @@ fn weighted(
 pub fn body_radius_m(model: &Model, prior: &[Phi]) -> f64 {
     let mut state = State::new(model);
     state.forward_position(model, &model.neutral());
-    let (mass, center) = state.center_of_mass(prior);
+    let (mass, centre) = state.centre_of_mass(prior);
     let second: f64 = state
         .world_from_link
         .iter()
         .zip(prior)
         .map(|(pose, phi)| {
             let moment = pose.rotation * Vector3::new(phi[1], phi[2], phi[3]);
-            let to_origin = pose.translation.vector - center;
+            let to_origin = pose.translation.vector - centre;
             0.5 * (phi[4] + phi[5] + phi[6]) + 2.0 * to_origin.dot(&moment) + phi[0] * to_origin.norm_squared()
         })
         .sum();

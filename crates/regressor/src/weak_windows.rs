@@ -19,7 +19,7 @@
 //! [`crate::noise`] whitens them if parameters, not effects, are estimated.
 
 use crate::stretch::Acting;
-use crate::test_function::{MIN_HALF_WINDOW, TestFunction, window_centers};
+use crate::test_function::{MIN_HALF_WINDOW, TestFunction, window_centres};
 use crate::velocities::{run_velocities, valid_runs};
 use crate::{RegressorError, Stretch, StretchKind};
 use aloft_body::{BaseParameters, FrameBatch, FrameBlock, LANES, Model, Motion, Phi, State};
@@ -68,7 +68,7 @@ pub struct WeakRows {
     /// Six rows per window (force x y z in N·s, moment x y z in N·m·s), columns `[Y | −E | w]`.
     pub matrix: Mat<f64>,
     /// Frame at the centre of each window.
-    pub centers: Vec<usize>,
+    pub centres: Vec<usize>,
     /// The test function of all windows.
     pub test: TestFunction,
     /// Path of the moment origin at the frames of each window, m, world.
@@ -160,7 +160,7 @@ pub fn weak_rows(
     let runs = valid_runs(first, end, |f| motion.is_valid(f) && acting.is_finite(stretch, f));
     let windows: Vec<(usize, usize, Vec<usize>)> = runs
         .iter()
-        .map(|&(a, b)| (a, b, window_centers(a + 1, b.saturating_sub(1), half, hop)))
+        .map(|&(a, b)| (a, b, window_centres(a + 1, b.saturating_sub(1), half, hop)))
         .filter(|w| !w.2.is_empty())
         .collect();
     let n_windows: usize = windows.iter().map(|w| w.2.len()).sum();
@@ -175,26 +175,26 @@ pub fn weak_rows(
     let (p, k) = (base.len(), acting.n_effects());
     let mut out = WeakRows {
         matrix: Mat::zeros(6 * n_windows, p + k + 1),
-        centers: Vec::with_capacity(n_windows),
+        centres: Vec::with_capacity(n_windows),
         test,
         origin: Vec::with_capacity(n_windows),
         force_scale_n: force_scale_n(prior.iter().map(|phi| phi[0]).sum(), model.gravity_mps2.norm()),
     };
     let mut weights = Vec::new();
-    for (start, end, centers) in &windows {
+    for (start, end, centres) in &windows {
         let run = run_rows(model, base, prior, motion, *start, *end);
-        for &center in centers {
-            let begin = center - half - start;
+        for &centre in centres {
+            let begin = centre - half - start;
             let (origin, fall) =
                 fit_origin(&run.path[begin..begin + out.test.n_frames()], &out.test, stretch.kind, &model.gravity_mps2);
             window_weights(&mut weights, &out.test, &run.fixed, &origin, &fall);
-            let row = 6 * out.centers.len();
+            let row = 6 * out.centres.len();
             for c in 0..p {
                 let to = &mut out.matrix.col_as_slice_mut(c)[row..row + 6];
                 to.copy_from_slice(&window_sums(&run, c, begin, &weights));
             }
             for (i, at) in origin.iter().enumerate() {
-                let frame = center - half + i;
+                let frame = centre - half + i;
                 let psi = out.test.psi[i];
                 let mut add = |column: usize, sign: f64, force: Vector3<f64>, moment: Vector3<f64>| {
                     let about = moment - at.position.cross(&force);
@@ -212,7 +212,7 @@ pub fn weak_rows(
                 let wrench: Vector6<f64> = acting.wrench(stretch, frame);
                 add(p + k, 1.0, wrench.fixed_rows::<3>(0).into(), wrench.fixed_rows::<3>(3).into());
             }
-            out.centers.push(center);
+            out.centres.push(centre);
             out.origin.push(origin);
         }
     }
@@ -240,7 +240,7 @@ fn run_rows(model: &Model, base: &BaseParameters, prior: &[Phi], motion: &Motion
     let p = base.len();
     let mut state = State::new(model);
     state.forward_position(model, motion.q((start + end) / 2));
-    let fixed = state.center_of_mass(prior).1;
+    let fixed = state.centre_of_mass(prior).1;
     let n = end - start;
     let velocities = run_velocities(model, motion, start, end);
     let stride = n.next_multiple_of(LANES);
@@ -264,7 +264,7 @@ fn run_rows(model: &Model, base: &BaseParameters, prior: &[Phi], motion: &Motion
             }
         }
         let width = LANES.min(end - begin);
-        out.path.extend(batch.center_of_mass(prior)[..width].iter().map(|x| x + fixed));
+        out.path.extend(batch.centre_of_mass(prior)[..width].iter().map(|x| x + fixed));
     }
     out
 }

@@ -316,7 +316,7 @@ fn the_moment_origin_does_not_matter() {
     assert!(misfit(&factor, &d.truth.truth()) < 1e-8, "{:e}", misfit(&factor, &d.truth.truth()));
     let mut state = State::new(&d.truth.model);
     state.forward_position(&d.truth.model, d.motion.q(0));
-    assert!((state.center_of_mass(&wrong).1 - state.center_of_mass(&d.truth.phi).1).norm() > 0.2);
+    assert!((state.centre_of_mass(&wrong).1 - state.centre_of_mass(&d.truth.phi).1).norm() > 0.2);
 }
 
 #[test]
@@ -334,7 +334,7 @@ fn windows_of_a_body_are_its_rows_times_its_parameters() {
                 let (model, base, phi) = (&truth.model, &truth.base, &truth.phi);
                 let rows = weak_rows(model, base, phi, &truth.motion, stretch, acting, &options).unwrap();
                 let found = body_windows(model, phi, phi, &truth.motion, stretch, acting, &options).unwrap();
-                assert_eq!(found.centers, rows.centers);
+                assert_eq!(found.centres, rows.centres);
                 let x = truth.truth();
                 let last = rows.matrix.ncols() - 1;
                 for (w, wrench) in found.wrench.iter().enumerate() {

@@ -82,7 +82,7 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
         a.turns.push(state.world_from_link.iter().map(turn).collect());
         let seen = |i: &Option<usize>| i.and_then(|i| trial.markers.position(i, f)).map_or([f64::NAN; 3], Into::into);
         a.measured.push(columns.iter().map(seen).collect());
-        let com = state.center_of_mass(&phi).1;
+        let com = state.centre_of_mass(&phi).1;
         a.com_m.push(com.into());
         a.ghost_m.extend(ghost.iter().map(|g| <[f64; 3]>::from(g[f])));
         // both forces at one point: the centre of pressure, or the centre of mass where nothing

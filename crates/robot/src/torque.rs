@@ -22,7 +22,7 @@ use aloft_body::{BaseParameters, JointKind, Model, Motion, Phi, State};
 use aloft_effects::{EffectInstance, JointSeries, SURE_OF_SIGN, Scene, Target};
 use aloft_regressor::test_function::MIN_HALF_WINDOW;
 use aloft_regressor::{
-    Columns, Factor, RegressorError, RowKind, Stretch, TestFunction, run_velocities, window_centers,
+    Columns, Factor, RegressorError, RowKind, Stretch, TestFunction, run_velocities, window_centres,
 };
 use faer::Mat;
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
@@ -131,7 +131,7 @@ pub struct TorqueRows {
     joints: Joints,
     frames: Frames,
     test: TestFunction,
-    centers: Vec<usize>,
+    centres: Vec<usize>,
     n_links: usize,
     rate_hz: f64,
     /// `[joint][frame of the flight]`.
@@ -156,12 +156,12 @@ impl TorqueRows {
         let test = TestFunction::new(half, 5, motion.rate_hz)?;
         let hop = ((0.25 * test.length_s() * motion.rate_hz) as usize).max(1);
         // three frames at both ends have velocities of lower order
-        let centers = window_centers(3, n.saturating_sub(3), half, hop);
+        let centres = window_centres(3, n.saturating_sub(3), half, hop);
         let measured = |t: &Vec<f64>| t.get(start..end).is_some_and(|t| t.iter().all(|x| x.is_finite()));
         let usable = (start..end).all(|f| motion.is_valid(f))
             && torques.values.len() == joints.list.len()
             && torques.values.iter().all(measured);
-        if centers.is_empty() || !usable {
+        if centres.is_empty() || !usable {
             return Err(RegressorError::TooShort {
                 trial: stretch.trial.clone(),
                 stretch: stretch.index,
@@ -175,7 +175,7 @@ impl TorqueRows {
         let v = joints.list.iter().map(rate).collect();
         let torque = torques.values.iter().map(|t| t[start..end].to_vec()).collect();
         let (n_links, rate_hz) = (model.n_links(), motion.rate_hz);
-        Ok(Self { joints, frames, test, centers, n_links, rate_hz, q, v, torque, sd_nm: torques.sd_nm })
+        Ok(Self { joints, frames, test, centres, n_links, rate_hz, q, v, torque, sd_nm: torques.sd_nm })
     }
 
     /// Number of joints.
@@ -185,7 +185,7 @@ impl TorqueRows {
 
     /// Number of windows, which are the rows of each joint.
     pub fn n_windows(&self) -> usize {
-        self.centers.len()
+        self.centres.len()
     }
 
     /// Name of a joint, and the index of the link that it carries.
@@ -201,12 +201,12 @@ impl TorqueRows {
     /// Sums over the windows of what `of` gives for a frame and the test function's values there.
     fn sums(&self, of: impl Fn(usize, [f64; 3]) -> f64) -> DVector<f64> {
         let half = self.test.n_frames() / 2;
-        let window = |center: &usize| -> f64 {
+        let window = |centre: &usize| -> f64 {
             (0..self.test.n_frames())
-                .map(|i| of(center - half + i, [self.test.psi[i], self.test.psi_dot[i], self.test.psi_ddot[i]]))
+                .map(|i| of(centre - half + i, [self.test.psi[i], self.test.psi_dot[i], self.test.psi_ddot[i]]))
                 .sum()
         };
-        DVector::from_iterator(self.centers.len(), self.centers.iter().map(window))
+        DVector::from_iterator(self.centres.len(), self.centres.iter().map(window))
     }
 
     /// Columns of the base parameters.
@@ -218,11 +218,11 @@ impl TorqueRows {
     pub fn links(&self, j: usize) -> DMatrix<f64> {
         let joint = &self.joints.list[j];
         let half = self.test.n_frames() / 2;
-        let mut full = DMatrix::zeros(self.centers.len(), 10 * self.n_links);
-        for (w, center) in self.centers.iter().enumerate() {
+        let mut full = DMatrix::zeros(self.centres.len(), 10 * self.n_links);
+        for (w, centre) in self.centres.iter().enumerate() {
             for i in 0..self.test.n_frames() {
                 let (psi, psi_dot) = (self.test.psi[i], self.test.psi_dot[i]);
-                let begin = (center - half + i) * self.joints.width + joint.offset;
+                let begin = (centre - half + i) * self.joints.width + joint.offset;
                 for &link in &joint.carried {
                     let from = begin + self.joints.place[j][link];
                     for c in 0..10 {
@@ -400,8 +400,8 @@ impl Frames {
         // the middle, and gravity
         let middle = n / 2;
         state.forward_velocity(model, motion.q(start + middle), &velocities[middle * model.nv..][..model.nv]);
-        let centre = state.center_of_mass(prior).1;
-        let speed = state.center_of_mass_velocity(prior);
+        let centre = state.centre_of_mass(prior).1;
+        let speed = state.centre_of_mass_velocity(prior);
         let mut momentum = DMatrix::zeros(6, 10 * model.n_links());
         let mut along = vec![0.0; n * joints.width];
         let mut turning = vec![0.0; n * joints.width];

@@ -47,7 +47,7 @@ fn a_joint_away_from_the_origin_of_its_body_moves_the_link_frame() {
         let mut state = State::new(model);
         state.forward_position(model, &model.neutral());
         let phi: Vec<_> = robot.spec.links.iter().map(|l| l.inertia.unwrap().to_phi()).collect();
-        (state.center_of_mass(&phi), state.world_from_link[2].translation.vector)
+        (state.centre_of_mass(&phi), state.world_from_link[2].translation.vector)
     };
     let ((m, c), slider) = at(&a, &plain);
     let ((n, d), slider_moved) = at(&b, &moved);

@@ -90,7 +90,7 @@ fn a_rehearsed_log_gives_its_motion_and_clock_back() {
         let at = |t: f64| ((t - log.time_s[0]) * motion.rate_hz).round() as usize;
         let mut centre = |t: f64| {
             state.forward_position(&model, motion.q(at(t)));
-            state.center_of_mass(&phi).1
+            state.centre_of_mass(&phi).1
         };
         let (h, middle) = (0.2, 0.5 * (start + end));
         let fall = (centre(middle + h) - centre(middle) * 2.0 + centre(middle - h)) / (h * h);

@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Vector3};
 
 /// A centre of rotation seen from both segments.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FunctionalCenter {
+pub struct FunctionalCentre {
     /// In the parent's frame, m.
     pub in_parent: Vector3<f64>,
     /// In the child's frame, m.
@@ -114,7 +114,7 @@ fn rms(h: &DMatrix<f64>, g: &DVector<f64>, square: f64, x: &DVector<f64>, n: usi
 /// # Errors
 /// [`ScaleError::Functional`] with fewer than three frames, or if the motion does not determine the
 /// centre along an axis (use [`sara`] for a hinge).
-pub fn score(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<FunctionalCenter, ScaleError> {
+pub fn score(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<FunctionalCentre, ScaleError> {
     let (h, g, square) = normal_equations(parent, child)?;
     let d = decompose(&h);
     let conditioning = (d.values[0] / d.values[5]).sqrt();
@@ -128,7 +128,7 @@ pub fn score(parent: &[Isometry3<f64>], child: &[Isometry3<f64>]) -> Result<Func
         let v = d.vectors.column(k);
         x += v * (v.dot(&g) / d.values[k]);
     }
-    Ok(FunctionalCenter {
+    Ok(FunctionalCentre {
         in_parent: Vector3::new(x[0], x[1], x[2]),
         in_child: Vector3::new(x[3], x[4], x[5]),
         residual_rms_m: rms(&h, &g, square, &x, parent.len()),
@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn score_finds_the_center() {
+    fn score_finds_the_centre() {
         let (cp, cc) = (Vector3::new(0.05, -0.2, 0.1), Vector3::new(0.01, 0.3, -0.02));
         let parent: Vec<_> = (0..60).map(swing).collect();
         let child: Vec<_> = parent

@@ -54,7 +54,7 @@ impl PelvisMarkers {
         let marked = |side| landmarks.side("asis", side).is_some();
         if !marked(Side::Right)
             && !marked(Side::Left)
-            && let Some(pelvis) = Self::from_hip_centers(landmarks)
+            && let Some(pelvis) = Self::from_hip_centres(landmarks)
         {
             return Ok(pelvis);
         }
@@ -92,13 +92,13 @@ impl PelvisMarkers {
     /// pelvis itself, or the neck or the shoulders of a person who stands, or else the vertical.
     /// Width and place of the ASIS are those for which Harrington's regression gives these hip
     /// centres; their plane is tilted forwards against the vertical of the pelvis as in standing.
-    fn from_hip_centers(landmarks: &Landmarks) -> Option<Self> {
-        let (right, left) = (landmarks.side("hip_center", Side::Right)?, landmarks.side("hip_center", Side::Left)?);
+    fn from_hip_centres(landmarks: &Landmarks) -> Option<Self> {
+        let (right, left) = (landmarks.side("hip_centre", Side::Right)?, landmarks.side("hip_centre", Side::Left)?);
         let middle = (right + left) / 2.0;
         let above = landmarks
             .get("pelvis_up")
-            .or_else(|| landmarks.get("neck_center"))
-            .or_else(|| landmarks.across("shoulder_center"))
+            .or_else(|| landmarks.get("neck_centre"))
+            .or_else(|| landmarks.across("shoulder_centre"))
             .or_else(|| landmarks.across("acromion"))
             .unwrap_or_else(|| middle + Vector3::z());
         let upright = axes_z_y(&(right - left), &(above - middle))?;
@@ -125,7 +125,7 @@ const LEAST_WIDTH_M: f64 = 0.08;
 /// `marker_radius_m` enters Davis only.
 ///
 /// Returns `None` for [`HipMethod::Hara`] and [`HipMethod::Davis`] without a leg length.
-pub fn hip_center(
+pub fn hip_centre(
     method: HipMethod,
     pelvis: &PelvisMarkers,
     leg_length_m: Option<f64>,
@@ -165,7 +165,7 @@ pub fn hip_center(
 
 /// Lumbar joint (L5/S1) in pelvis axes, m: fractions of pelvis width after Reed 1999 in the
 /// ASIS-PSIS frame, as given by Dumas and Wojtusch 2018; the mean of both for an unknown sex.
-pub(crate) fn lumbar_center(pelvis: &PelvisMarkers, sex: Option<Sex>) -> Vector3<f64> {
+pub(crate) fn lumbar_centre(pelvis: &PelvisMarkers, sex: Option<Sex>) -> Vector3<f64> {
     let female = Vector3::new(-0.340, 0.049, 0.0);
     let male = Vector3::new(-0.335, -0.032, 0.0);
     pelvis.width_m
@@ -220,15 +220,15 @@ mod tests {
     #[test]
     fn validate_regressions_against_hand_computed_values() {
         let p = PelvisMarkers::from_landmarks(&landmarks(), "made").unwrap();
-        let at = |m, leg| hip_center(m, &p, leg, 0.007, Side::Right).unwrap() * 1000.0;
+        let at = |m, leg| hip_centre(m, &p, leg, 0.007, Side::Right).unwrap() * 1000.0;
         let close = |a: Vector3<f64>, b: [f64; 3]| assert!((a - Vector3::from(b)).norm() < 0.02, "{a:?} {b:?}");
         close(at(HipMethod::Harrington, Some(0.9)), [-45.9, -81.5, 88.3]);
         close(at(HipMethod::Harrington, None), [-45.9, -82.9, 86.5]);
         close(at(HipMethod::Bell, None), [-45.6, -72.0, 86.4]);
         close(at(HipMethod::Hara, Some(0.9)), [-45.7, -79.2, 85.4]);
         close(at(HipMethod::Davis, Some(0.9)), [-46.75, -96.77, 78.05]);
-        let left = hip_center(HipMethod::Bell, &p, None, 0.007, Side::Left).unwrap();
+        let left = hip_centre(HipMethod::Bell, &p, None, 0.007, Side::Left).unwrap();
         assert!(left.z < 0.0);
-        assert!(hip_center(HipMethod::Hara, &p, None, 0.007, Side::Left).is_none());
+        assert!(hip_centre(HipMethod::Hara, &p, None, 0.007, Side::Left).is_none());
     }
 }

@@ -48,7 +48,7 @@ impl Side {
 
 /// Landmarks that exist once.
 pub(crate) const CENTRAL_LANDMARKS: [&str; 8] =
-    ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum", "neck_center", "pelvis_up"];
+    ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum", "neck_centre", "pelvis_up"];
 
 /// Landmarks that exist on both sides, followed by `_r` or `_l`.
 pub(crate) const SIDED_LANDMARKS: [&str; 27] = [
@@ -63,12 +63,12 @@ pub(crate) const SIDED_LANDMARKS: [&str; 27] = [
     "hand_distal",
     "asis",
     "psis",
-    "hip_center",
-    "knee_center",
-    "ankle_center",
-    "shoulder_center",
-    "elbow_center",
-    "wrist_center",
+    "hip_centre",
+    "knee_centre",
+    "ankle_centre",
+    "shoulder_centre",
+    "elbow_centre",
+    "wrist_centre",
     "trochanter",
     "knee_lateral",
     "knee_medial",

@@ -35,7 +35,7 @@ pub mod statics;
 
 pub use anthropometry::Anthropometry;
 pub use error::ScaleError;
-pub use functional::{FunctionalAxis, FunctionalCenter, sara, score};
+pub use functional::{FunctionalAxis, FunctionalCentre, sara, score};
 pub use hip::HipMethod;
 pub use object::{ObjectInput, ObjectJointReport, ObjectOptions, ObjectReport, ScaledObject, scale_object};
 pub use object_spec::{HalfPlane, ObjectFrame, ObjectJoint, ObjectLink, ObjectSpec};

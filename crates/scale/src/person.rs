@@ -319,7 +319,7 @@ fn joint_uncertainties(
         let joint = format!("joint of {}", link.name);
         let hinge = matches!(link.joint.kind, JointKind::Revolute(_));
         if place.method == JointMethod::Proportion {
-            warnings.push(ScaleWarning::JointByProportion { joint, center_sd_m: place.center_sd_m });
+            warnings.push(ScaleWarning::JointByProportion { joint, centre_sd_m: place.centre_sd_m });
         } else if let Some(axis_sd_rad) = place.axis_sd_rad.filter(|&sd| hinge && sd > 0.2) {
             warnings.push(ScaleWarning::AxisAssumed { joint, axis_sd_rad });
         }
@@ -327,7 +327,7 @@ fn joint_uncertainties(
             link: link.name.clone(),
             link_index: i,
             method: place.method,
-            center_sd_m: place.center_sd_m,
+            centre_sd_m: place.centre_sd_m,
             axis_sd_rad: place.axis_sd_rad.filter(|_| hinge),
         });
     }

@@ -30,8 +30,8 @@ pub struct JointUncertainty {
     /// Source of the centre.
     pub method: JointMethod,
     /// Standard deviation of the joint centre, each axis, m.
-    #[serde(rename = "centre_sd_m", alias = "center_sd_m")]
-    pub center_sd_m: f64,
+    #[serde(alias = "center_sd_m")]
+    pub centre_sd_m: f64,
     /// Standard deviation of a hinge's direction, rad; `None` for joints without an axis.
     pub axis_sd_rad: Option<f64>,
 }
@@ -111,8 +111,8 @@ pub enum ScaleWarning {
     /// A joint centre was placed by proportions.
     JointByProportion {
         joint: String,
-        #[serde(rename = "centre_sd_m", alias = "center_sd_m")]
-        center_sd_m: f64,
+        #[serde(alias = "center_sd_m")]
+        centre_sd_m: f64,
     },
     /// A hinge axis without its medial marker.
     AxisAssumed { joint: String, axis_sd_rad: f64 },
@@ -165,11 +165,11 @@ impl fmt::Display for ScaleWarning {
             Self::MarkerUnseen { marker } => {
                 write!(f, "marker `{marker}` is not seen in the static and will not be tracked")
             }
-            Self::JointByProportion { joint, center_sd_m } => {
+            Self::JointByProportion { joint, centre_sd_m } => {
                 write!(
                     f,
                     "{joint}: no marker tells where it is; placed by body proportions (±{:.0} mm)",
-                    mm(center_sd_m)
+                    mm(centre_sd_m)
                 )
             }
             Self::AxisAssumed { joint, axis_sd_rad } => {

@@ -7,7 +7,7 @@
 
 use crate::ScaleError;
 use crate::geometry::{apply, axes_x_z, axes_y_z, axes_z_y, pose, reject, unit, x_of, y_of, z_of};
-use crate::hip::{HipMethod, PelvisMarkers, hip_center, lumbar_center};
+use crate::hip::{HipMethod, PelvisMarkers, hip_centre, lumbar_centre};
 use crate::landmarks::{Landmarks, Side};
 use crate::report::JointMethod;
 use aloft_body::Sex;
@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 
 /// A joint centre in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Center {
+pub(crate) struct Centre {
     pub point: Vector3<f64>,
     pub method: JointMethod,
     pub sd_m: f64,
@@ -30,7 +30,7 @@ pub(crate) struct PlacedLink {
     /// Axes with y exactly along the segment, for the inertial prior.
     pub isb_axes: UnitQuaternion<f64>,
     pub method: JointMethod,
-    pub center_sd_m: f64,
+    pub centre_sd_m: f64,
     pub axis_sd_rad: Option<f64>,
 }
 
@@ -125,7 +125,7 @@ impl Builder<'_> {
                 world_from_link: pose(&middle, &pelvis_axes),
                 isb_axes: pelvis_axes,
                 method: hips[0].method,
-                center_sd_m: hips[0].sd_m,
+                centre_sd_m: hips[0].sd_m,
                 axis_sd_rad: None,
             },
         );
@@ -157,7 +157,7 @@ impl Builder<'_> {
             .iter()
             .filter_map(|&s| {
                 let (hip, knee, ankle) =
-                    (l.side("hip_center", s)?, l.side("knee_center", s)?, l.side("ankle_center", s)?);
+                    (l.side("hip_centre", s)?, l.side("knee_centre", s)?, l.side("ankle_centre", s)?);
                 Some((hip - knee).norm() + (knee - ankle).norm())
             })
             .collect();
@@ -166,32 +166,32 @@ impl Builder<'_> {
     }
 
     /// A joint centre that the recording gives.
-    fn given(&self, name: &str, side: Side) -> Option<Center> {
+    fn given(&self, name: &str, side: Side) -> Option<Centre> {
         let sd_m = self.given_sd_m.unwrap_or(sd::HINGE);
-        self.landmarks.side(name, side).map(|point| Center { point, method: JointMethod::Given, sd_m })
+        self.landmarks.side(name, side).map(|point| Centre { point, method: JointMethod::Given, sd_m })
     }
 
     /// Direction to the right along the line through a lateral and a medial landmark, or through
     /// the centre and one of them.
-    fn across_joint(&self, lateral: &str, medial: &str, center: &Vector3<f64>, side: Side) -> Option<Vector3<f64>> {
+    fn across_joint(&self, lateral: &str, medial: &str, centre: &Vector3<f64>, side: Side) -> Option<Vector3<f64>> {
         let l = self.landmarks;
         let outwards = match (l.side(lateral, side), l.side(medial, side)) {
             (Some(a), Some(b)) => a - b,
-            (Some(a), None) => a - center,
-            (None, Some(b)) => center - b,
+            (Some(a), None) => a - centre,
+            (None, Some(b)) => centre - b,
             (None, None) => return None,
         };
         unit(&(outwards * side.sign()))
     }
 
-    fn hip(&self, pelvis: &PelvisMarkers, side: Side, leg: Option<f64>) -> Center {
-        if let Some(point) = self.landmarks.side("hip_center", side) {
-            return Center { point, method: JointMethod::Given, sd_m: self.given_sd_m.unwrap_or(sd::HIP) };
+    fn hip(&self, pelvis: &PelvisMarkers, side: Side, leg: Option<f64>) -> Centre {
+        if let Some(point) = self.landmarks.side("hip_centre", side) {
+            return Centre { point, method: JointMethod::Given, sd_m: self.given_sd_m.unwrap_or(sd::HIP) };
         }
-        let local = hip_center(self.hip_method, pelvis, leg, self.marker_radius_m, side)
-            .or_else(|| hip_center(HipMethod::Harrington, pelvis, leg, self.marker_radius_m, side))
+        let local = hip_centre(self.hip_method, pelvis, leg, self.marker_radius_m, side)
+            .or_else(|| hip_centre(HipMethod::Harrington, pelvis, leg, self.marker_radius_m, side))
             .unwrap_or_default();
-        Center { point: apply(&pelvis.world_from_pelvis, &local), method: JointMethod::Regression, sd_m: sd::HIP }
+        Centre { point: apply(&pelvis.world_from_pelvis, &local), method: JointMethod::Regression, sd_m: sd::HIP }
     }
 
     /// Centre and right-pointing axis of a hinge: a given centre, or from a lateral and, if
@@ -201,31 +201,31 @@ impl Builder<'_> {
     /// if none is marked.
     fn hinge(
         &self,
-        center: &str,
+        centre: &str,
         lateral: &str,
         medial: &str,
         side: Side,
         offset: Option<f64>,
         assumed: &Vector3<f64>,
-    ) -> Option<(Center, Vector3<f64>, f64)> {
+    ) -> Option<(Centre, Vector3<f64>, f64)> {
         let l = self.landmarks;
-        if let Some(center) = self.given(center, side) {
-            return Some(match self.across_joint(lateral, medial, &center.point, side) {
-                Some(axis) => (center, axis, sd::AXIS),
-                None => (center, *assumed, sd::AXIS_ASSUMED),
+        if let Some(centre) = self.given(centre, side) {
+            return Some(match self.across_joint(lateral, medial, &centre.point, side) {
+                Some(axis) => (centre, axis, sd::AXIS),
+                None => (centre, *assumed, sd::AXIS_ASSUMED),
             });
         }
         match (l.side(lateral, side), l.side(medial, side)) {
             (Some(a), Some(b)) => {
                 let axis = unit(&((a - b) * side.sign()))?;
-                Some((Center { point: (a + b) / 2.0, method: JointMethod::Midpoint, sd_m: sd::HINGE }, axis, sd::AXIS))
+                Some((Centre { point: (a + b) / 2.0, method: JointMethod::Midpoint, sd_m: sd::HINGE }, axis, sd::AXIS))
             }
             (Some(a), None) | (None, Some(a)) => {
                 let inwards = if l.side(lateral, side).is_some() { -side.sign() } else { side.sign() };
                 let depth = offset.unwrap_or(0.045) + self.marker_radius_m;
                 let point = a + assumed * (inwards * depth);
                 Some((
-                    Center { point, method: JointMethod::Regression, sd_m: sd::HINGE_REGRESSION },
+                    Centre { point, method: JointMethod::Regression, sd_m: sd::HINGE_REGRESSION },
                     *assumed,
                     sd::AXIS_ASSUMED,
                 ))
@@ -238,7 +238,7 @@ impl Builder<'_> {
         &self,
         links: &mut BTreeMap<String, PlacedLink>,
         side: Side,
-        hip: &Center,
+        hip: &Centre,
         right: &Vector3<f64>,
         pelvis_axes: &UnitQuaternion<f64>,
         height_m: f64,
@@ -247,8 +247,8 @@ impl Builder<'_> {
         let name = |stem: &str| format!("{stem}_{}", side.suffix());
         let down = -y_of(pelvis_axes);
         let first = |names: &[&str]| names.iter().find_map(|name| l.side(name, side));
-        let knee_mark = first(&["knee_center", "knee_lateral", "knee_medial"]);
-        let ankle_mark = first(&["ankle_center", "ankle_lateral", "ankle_medial", "heel"]);
+        let knee_mark = first(&["knee_centre", "knee_lateral", "knee_medial"]);
+        let ankle_mark = first(&["ankle_centre", "ankle_lateral", "ankle_medial", "heel"]);
         // Without a medial knee marker: to the right, perpendicular to the line from hip to ankle.
         let along = unit(&(ankle_mark.or(knee_mark).unwrap_or(hip.point + down) - hip.point)).unwrap_or(down);
         let assumed = unit(&reject(right, &along)).unwrap_or(*right);
@@ -257,16 +257,16 @@ impl Builder<'_> {
             _ => None,
         };
         let (knee, axis, axis_sd) = self
-            .hinge("knee_center", "knee_lateral", "knee_medial", side, shank_mark.map(|d| 0.118 * d), &assumed)
+            .hinge("knee_centre", "knee_lateral", "knee_medial", side, shank_mark.map(|d| 0.118 * d), &assumed)
             .unwrap_or_else(|| {
                 let point = hip.point + along * (proportion::THIGH * height_m);
-                (Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, assumed, sd::AXIS_ASSUMED)
+                (Centre { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, assumed, sd::AXIS_ASSUMED)
             });
         let (ankle, malleoli, _) = self
-            .hinge("ankle_center", "ankle_lateral", "ankle_medial", side, shank_mark.map(|d| 0.085 * d), &axis)
+            .hinge("ankle_centre", "ankle_lateral", "ankle_medial", side, shank_mark.map(|d| 0.085 * d), &axis)
             .unwrap_or_else(|| {
                 let point = knee.point + along * (proportion::SHANK * height_m);
-                (Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, axis, sd::AXIS_ASSUMED)
+                (Centre { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, axis, sd::AXIS_ASSUMED)
             });
         let thigh_axes = axes_y_z(&(hip.point - knee.point), &axis).ok_or_else(|| self.degenerate(&name("thigh")))?;
         let shank_axes = axes_z_y(&axis, &(knee.point - ankle.point)).ok_or_else(|| self.degenerate(&name("shank")))?;
@@ -291,7 +291,7 @@ impl Builder<'_> {
         let foot_axes = axes_x_z(&forward, &malleoli).ok_or_else(|| self.degenerate(&name("foot")))?;
         let mut foot = placed(&ankle, &foot_axes, &foot_axes, None);
         if foot.method == JointMethod::Midpoint {
-            foot.center_sd_m = sd::ANKLE;
+            foot.centre_sd_m = sd::ANKLE;
         }
         links.insert(name("foot"), foot);
         Ok(())
@@ -306,10 +306,10 @@ impl Builder<'_> {
         let l = self.landmarks;
         let frame = &pelvis.world_from_pelvis;
         let right = z_of(&frame.rotation);
-        let lumbar = apply(frame, &lumbar_center(pelvis, self.sex));
+        let lumbar = apply(frame, &lumbar_centre(pelvis, self.sex));
         let (c7, front) = (l.get("c7"), l.get("suprasternale"));
         let pair = |name: &str| Some((l.side(name, Side::Right)?, l.side(name, Side::Left)?));
-        let shoulders = pair("acromion").or_else(|| pair("shoulder_center"));
+        let shoulders = pair("acromion").or_else(|| pair("shoulder_centre"));
         let across = shoulders.map_or(right, |(r, l)| r - l);
         // Neck (C7/T1): from C7 towards the suprasternale, turned up (Reed 1999 via Dumas and
         // Wojtusch 2018).
@@ -318,15 +318,15 @@ impl Builder<'_> {
             Some(Sex::Male) => (8.0, 0.55),
             None => (11.0, 0.54),
         };
-        let given = l.get("neck_center").map(|point| {
+        let given = l.get("neck_centre").map(|point| {
             let sd_m = self.given_sd_m.unwrap_or(sd::NECK);
-            Center { point, method: JointMethod::Given, sd_m }
+            Centre { point, method: JointMethod::Given, sd_m }
         });
         let marked = match (c7, front, shoulders) {
             (Some(c), Some(f), _) => {
                 let direction =
                     turn_down(&(f - c), &across, -turn_up_deg).ok_or_else(|| self.degenerate("the neck"))?;
-                Center {
+                Centre {
                     point: c + direction * (fraction * (f - c).norm()),
                     method: JointMethod::Regression,
                     sd_m: sd::NECK,
@@ -335,30 +335,30 @@ impl Builder<'_> {
             (Some(c), None, _) => {
                 let forward = unit(&across.cross(&(lumbar - c))).unwrap_or_else(|| x_of(&frame.rotation));
                 let point = c + forward * (fraction * proportion::THORAX_DEPTH * height_m);
-                Center { point, method: JointMethod::Regression, sd_m: 1.5 * sd::NECK }
+                Centre { point, method: JointMethod::Regression, sd_m: 1.5 * sd::NECK }
             }
             (None, _, Some((r, l))) => {
                 let middle = (r + l) / 2.0;
                 let up = unit(&(middle - lumbar)).ok_or_else(|| self.degenerate("the torso"))?;
-                Center { point: middle + up * (0.02 * height_m), method: JointMethod::Regression, sd_m: 1.5 * sd::NECK }
+                Centre { point: middle + up * (0.02 * height_m), method: JointMethod::Regression, sd_m: 1.5 * sd::NECK }
             }
             (None, Some(f), None) => {
                 let up = unit(&(f - lumbar)).ok_or_else(|| self.degenerate("the torso"))?;
                 let back = unit(&up.cross(&right)).unwrap_or_else(|| -x_of(&frame.rotation));
                 let point = f + back * (0.5 * proportion::THORAX_DEPTH * height_m) + up * (0.02 * height_m);
-                Center { point, method: JointMethod::Regression, sd_m: 2.0 * sd::NECK }
+                Centre { point, method: JointMethod::Regression, sd_m: 2.0 * sd::NECK }
             }
             (None, None, None) => {
                 // the pelvis of a standing person is tilted forwards, the trunk is upright
                 let upright = y_of(&frame.rotation).z > UPRIGHT_COSINE;
                 let up = if upright { Vector3::z() } else { y_of(&frame.rotation) };
                 let point = lumbar + up * (proportion::TRUNK * height_m);
-                Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }
+                Centre { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }
             }
         };
         let neck = given.unwrap_or(marked);
         let torso_axes = axes_y_z(&(neck.point - lumbar), &across).ok_or_else(|| self.degenerate("the torso"))?;
-        let lumbar = Center { point: lumbar, method: JointMethod::Regression, sd_m: sd::LUMBAR };
+        let lumbar = Centre { point: lumbar, method: JointMethod::Regression, sd_m: sd::LUMBAR };
         links.insert("torso".into(), placed(&lumbar, &torso_axes, &torso_axes, None));
         // Head: along its four markers if present, otherwise upright as the torso.
         let head_axes = match (l.across("head_front"), l.across("head_back")) {
@@ -376,15 +376,15 @@ impl Builder<'_> {
         Ok(())
     }
 
-    fn shoulder(&self, side: Side, torso: &UnitQuaternion<f64>, neck: &Vector3<f64>, height_m: f64) -> Center {
+    fn shoulder(&self, side: Side, torso: &UnitQuaternion<f64>, neck: &Vector3<f64>, height_m: f64) -> Centre {
         let l = self.landmarks;
-        if let Some(center) = self.given("shoulder_center", side) {
-            return center;
+        if let Some(centre) = self.given("shoulder_centre", side) {
+            return centre;
         }
         let Some(acromion) = l.side("acromion", side) else {
             let lateral = z_of(torso) * (side.sign() * proportion::SHOULDER_HALF_WIDTH * height_m);
             let point = neck + lateral - y_of(torso) * (0.03 * height_m);
-            return Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION };
+            return Centre { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION };
         };
         // Reed 1999: from the acromion along C7 → suprasternale turned down by 67°, 0.42 of their
         // distance.
@@ -394,7 +394,7 @@ impl Builder<'_> {
         };
         let direction = direction.unwrap_or_else(|| -y_of(torso));
         let point = acromion + direction * (0.42 * depth);
-        Center { point, method: JointMethod::Regression, sd_m }
+        Centre { point, method: JointMethod::Regression, sd_m }
     }
 
     fn arm(
@@ -408,22 +408,22 @@ impl Builder<'_> {
         let l = self.landmarks;
         let name = |stem: &str| format!("{stem}_{}", side.suffix());
         let shoulder = self.shoulder(side, torso, neck, height_m);
-        let marked_wrist = self.given("wrist_center", side).or_else(|| {
+        let marked_wrist = self.given("wrist_centre", side).or_else(|| {
             match (l.side("wrist_radial", side), l.side("wrist_ulnar", side)) {
                 (Some(a), Some(b)) => {
-                    Some(Center { point: (a + b) / 2.0, method: JointMethod::Midpoint, sd_m: sd::WRIST })
+                    Some(Centre { point: (a + b) / 2.0, method: JointMethod::Midpoint, sd_m: sd::WRIST })
                 }
                 (Some(a), None) | (None, Some(a)) => {
-                    Some(Center { point: a, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
+                    Some(Centre { point: a, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
                 }
                 (None, None) => {
                     let single = l.side("wrist", side);
-                    single.map(|point| Center { point, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
+                    single.map(|point| Centre { point, method: JointMethod::Regression, sd_m: sd::WRIST_SINGLE })
                 }
             }
         });
         let first = |names: &[&str]| names.iter().find_map(|name| l.side(name, side));
-        let elbow_mark = first(&["elbow_center", "elbow_lateral", "elbow_medial"]);
+        let elbow_mark = first(&["elbow_centre", "elbow_lateral", "elbow_medial"]);
         // Without a medial elbow marker: normal to the plane of upper arm and forearm if the elbow
         // is bent, otherwise to the right.
         let upper = elbow_mark.map(|e| e - shoulder.point);
@@ -438,14 +438,14 @@ impl Builder<'_> {
             .unwrap_or_else(|| z_of(torso));
         let forearm_mark = l.side("elbow_lateral", side).zip(marked_wrist).map(|(e, w)| (e - w.point).norm());
         let (elbow, axis, axis_sd) = self
-            .hinge("elbow_center", "elbow_lateral", "elbow_medial", side, forearm_mark.map(|d| 0.155 * d), &assumed)
+            .hinge("elbow_centre", "elbow_lateral", "elbow_medial", side, forearm_mark.map(|d| 0.155 * d), &assumed)
             .unwrap_or_else(|| {
                 let point = shoulder.point - y_of(torso) * (proportion::UPPER_ARM * height_m);
-                (Center { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, assumed, sd::AXIS_ASSUMED)
+                (Centre { point, method: JointMethod::Proportion, sd_m: sd::PROPORTION }, assumed, sd::AXIS_ASSUMED)
             });
         let upper_axes =
             axes_y_z(&(shoulder.point - elbow.point), &axis).ok_or_else(|| self.degenerate(&name("upper_arm")))?;
-        let wrist = marked_wrist.unwrap_or_else(|| Center {
+        let wrist = marked_wrist.unwrap_or_else(|| Centre {
             point: elbow.point - y_of(&upper_axes) * (proportion::FOREARM * height_m),
             method: JointMethod::Proportion,
             sd_m: sd::PROPORTION,
@@ -471,16 +471,16 @@ impl Builder<'_> {
 }
 
 fn placed(
-    center: &Center,
+    centre: &Centre,
     axes: &UnitQuaternion<f64>,
     isb: &UnitQuaternion<f64>,
     axis_sd_rad: Option<f64>,
 ) -> PlacedLink {
     PlacedLink {
-        world_from_link: pose(&center.point, axes),
+        world_from_link: pose(&centre.point, axes),
         isb_axes: *isb,
-        method: center.method,
-        center_sd_m: center.sd_m,
+        method: centre.method,
+        centre_sd_m: centre.sd_m,
         axis_sd_rad,
     }
 }

@@ -131,13 +131,13 @@ fn quiet_frames(trial: &Trial, options: &QuietOptions) -> Vec<usize> {
         }
         start += step;
     }
-    let center = StaticPose::at(trial, (best.1..(best.1 + length).min(n)).collect());
+    let centre = StaticPose::at(trial, (best.1..(best.1 + length).min(n)).collect());
     (0..n)
         .filter(|&f| {
             let (sum, count) = m
                 .trajectories
                 .iter()
-                .zip(&center.positions)
+                .zip(&centre.positions)
                 .filter_map(|(t, c)| c.map(|c| (t[f] - c).norm_squared()))
                 .filter(|d| d.is_finite())
                 .fold((0.0, 0usize), |(s, k), d| (s + d, k + 1));

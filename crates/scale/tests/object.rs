@@ -40,7 +40,7 @@ struct Truth {
 }
 
 struct Errors {
-    center_mm: f64,
+    centre_mm: f64,
     axis_mrad: f64,
     zero_mrad: f64,
     marker_mm: f64,
@@ -55,7 +55,7 @@ fn errors(found: &ScaledObject, set: &str) -> Errors {
     let turn = Rotation3::from_matrix_unchecked(r.transpose() * mine).scaled_axis();
     let true_markers = truth.markers_link0_m.iter().chain(&truth.markers_link1_m);
     Errors {
-        center_mm: 1e3 * (joint.translation.vector - Vector3::from(truth.hinge.p_link0)).norm(),
+        centre_mm: 1e3 * (joint.translation.vector - Vector3::from(truth.hinge.p_link0)).norm(),
         axis_mrad: 1e3 * turn.xy().norm(),
         zero_mrad: 1e3 * turn.z.abs(),
         marker_mm: found
@@ -99,7 +99,7 @@ fn errors_if_known(found: &ScaledObject, set: &str) -> String {
     let e = errors(found, set);
     format!(
         "; hinge {:.4} mm, axis {:.3} mrad, zero {:.3} mrad, worst marker {:.4} mm",
-        e.center_mm, e.axis_mrad, e.zero_mrad, e.marker_mm
+        e.centre_mm, e.axis_mrad, e.zero_mrad, e.marker_mm
     )
 }
 
@@ -108,7 +108,7 @@ fn validate_the_chains_geometry_against_the_simulators_truth() {
     for set in ["chain_a", "chain_p"] {
         let Some(found) = scaled(set, &["hinge_calib"]) else { return };
         let e = errors(&found, set);
-        assert!(e.center_mm < 0.1 && e.axis_mrad < 0.5 && e.zero_mrad < 0.5 && e.marker_mm < 0.1, "{set}");
+        assert!(e.centre_mm < 0.1 && e.axis_mrad < 0.5 && e.zero_mrad < 0.5 && e.marker_mm < 0.1, "{set}");
         assert!((found.report.noise_m - 3e-4).abs() < 2e-5);
         assert_eq!(found.report.outliers, 0);
         assert!(found.report.warnings.is_empty(), "{:?}", found.report.warnings);
@@ -121,7 +121,7 @@ fn validate_the_chains_geometry_against_the_simulators_truth() {
         let all = ["hinge_calib", "throws_01", "throws_02", "throws_03", "throws_04", "throws_05"];
         let Some(found) = scaled(set, &all) else { return };
         let e = errors(&found, set);
-        assert!(e.center_mm < 0.05 && e.axis_mrad < 0.3 && e.zero_mrad < 0.3 && e.marker_mm < 0.05, "{set}");
+        assert!(e.centre_mm < 0.05 && e.axis_mrad < 0.3 && e.zero_mrad < 0.3 && e.marker_mm < 0.05, "{set}");
     }
     scaled("chain_b", &["hinge_calib"]);
 }

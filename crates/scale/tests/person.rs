@@ -70,7 +70,7 @@ fn subject_a() -> Option<Case> {
     case("subject_a/static.c3d", "plug-in-gait-35", facts("S01", Some(Sex::Female), Some(1.605), 56.2))
 }
 
-fn joint_centers(subject: &Subject) -> BTreeMap<String, Vector3<f64>> {
+fn joint_centres(subject: &Subject) -> BTreeMap<String, Vector3<f64>> {
     let mut state = State::new(&subject.model);
     state.forward_position(&subject.model, &subject.static_q);
     subject
@@ -128,14 +128,14 @@ fn the_model_at_static_q_reproduces_every_marker() {
 }
 
 #[test]
-fn validate_joint_centers_of_subject_a_against_the_simulators_truth() {
+fn validate_joint_centres_of_subject_a_against_the_simulators_truth() {
     let Some(case) = subject_a() else { return };
     let truth = truth();
     for (method, limit_mm) in
         [(HipMethod::Harrington, 13.0), (HipMethod::Bell, 16.0), (HipMethod::Hara, 16.0), (HipMethod::Davis, 18.0)]
     {
         let s = scaled(&case, &ScaleOptions { hip: method, ..ScaleOptions::default() }, None);
-        let found = joint_centers(&s.subject);
+        let found = joint_centres(&s.subject);
         let mut sum = 0.0;
         for (link, t) in &truth {
             let error_mm = 1000.0 * (found[link] - Vector3::from(t.joint_m)).norm();

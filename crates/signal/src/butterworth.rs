@@ -176,8 +176,8 @@ impl Butterworth {
     }
 
     /// Filters forward and backward in place with scipy's `filtfilt` default padding (odd, of
-    /// 3·(order + 1) samples); runs without NaN are filtered separately; runs not longer than the padding
-    /// become NaN.
+    /// 3·(order + 1) samples); runs without NaN are filtered separately; runs not longer than the
+    /// padding become NaN.
     ///
     /// Returns the number of samples lost in this way. This is the scalar version;
     /// [`Butterworth::filtfilt_interleaved`] and [`Butterworth::filtfilt_channels`] give the same

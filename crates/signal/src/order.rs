@@ -31,11 +31,11 @@ pub fn upper_median(values: &mut [f64]) -> Option<f64> {
 /// `values`.
 pub fn median_and_deviation(values: &mut Vec<f64>) -> Option<(f64, f64)> {
     values.retain(|x| x.is_finite());
-    let center = upper_median(values)?;
+    let centre = upper_median(values)?;
     for value in values.iter_mut() {
-        *value = (*value - center).abs();
+        *value = (*value - centre).abs();
     }
-    Some((center, upper_median(values)?))
+    Some((centre, upper_median(values)?))
 }
 
 /// Mean and standard deviation of a sample (`n − 1` in the denominator, NaN for one value); `None`

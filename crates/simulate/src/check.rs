@@ -20,7 +20,7 @@ pub(crate) fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
         if !matches!(scenario.body, BodySpec::Human(_)) {
             return Err(scenario.value_error("capture.markerless", "an object", "a person"));
         }
-        scenario.expect("capture.markerless.center_sd_m", m.center_sd_m, 0.0..=0.2, "0 to 0.2 m")?;
+        scenario.expect("capture.markerless.centre_sd_m", m.centre_sd_m, 0.0..=0.2, "0 to 0.2 m")?;
         scenario.expect("capture.markerless.noise_m", m.noise_m, 0.0..=0.2, "0 to 0.2 m")?;
         scenario.expect("capture.markerless.noise_rad", m.noise_rad, 0.0..=0.5, "0 to 0.5 rad")?;
         let nyquist = 0.49 * c.point_rate_hz;

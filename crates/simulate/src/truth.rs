@@ -270,7 +270,7 @@ pub fn trajectories(scenario: &Scenario, body: &Body, motion: &TrueMotion, ticks
     let mut com = Vec::with_capacity(3 * frames);
     for tick in &ticks {
         state.forward_position(&body.model, motion.q(*tick));
-        com.extend_from_slice(state.center_of_mass(&body.phi).1.as_slice());
+        com.extend_from_slice(state.centre_of_mass(&body.phi).1.as_slice());
     }
     let gather = |f: &dyn Fn(usize) -> Vec<f64>| ticks.iter().flat_map(|t| f(*t)).collect::<Vec<f64>>();
     let wrench = |w: &crate::physics::Wrench| [w.force_n.as_slice(), w.moment_nm.as_slice()].concat();

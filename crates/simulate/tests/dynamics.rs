@@ -151,9 +151,9 @@ impl Drive for SoftFriction<'_> {
         let y: Vec<f64> = q.iter().chain(v).copied().collect();
         let mut free = ForwardDynamics::new(self.plant, &[true, true]);
         let a0 = free.accelerations(&self.viscous, t, &y).expect("free").0[6];
-        let regularized = hinge_mobility(self.plant, q) + self.softness * (1.0 - 0.9) / 0.9;
+        let regularised = hinge_mobility(self.plant, q) + self.softness * (1.0 - 0.9) / 0.9;
         let rate = 2.0 / (0.95 * 0.02);
-        tau[6] += (-(rate * v[6] + a0) / regularized).clamp(-self.friction, self.friction);
+        tau[6] += (-(rate * v[6] + a0) / regularised).clamp(-self.friction, self.friction);
     }
 }
 
@@ -212,7 +212,7 @@ fn energy_and_momentum(body: &Body, y: &[f64]) -> (f64, Vector3<f64>, Vector3<f6
     let mut mass = DMatrix::zeros(model.nv, model.nv);
     state.mass_matrix(model, &body.phi, &mut mass);
     let v = nalgebra::DVector::from_column_slice(v);
-    let (m, com) = state.center_of_mass(&body.phi);
+    let (m, com) = state.centre_of_mass(&body.phi);
     let kinetic = 0.5 * v.dot(&(&mass * &v));
     let mut rows = DMatrix::zeros(6, 10 * model.n_links());
     state.momentum_regressor(model, &com, &mut rows);

@@ -84,7 +84,7 @@ fn same_scenario_same_bytes() {
 }
 
 #[test]
-fn flights_are_free_and_their_center_of_mass_falls() {
+fn flights_are_free_and_their_centre_of_mass_falls() {
     for scenario in [small_chain(), small_human()] {
         let lab = simulate(&scenario).expect("lab");
         let model = &lab.body.model;
@@ -95,7 +95,7 @@ fn flights_are_free_and_their_center_of_mass_falls() {
                 let ticks: Vec<usize> = (*first..=*last).collect();
                 let mut com = |k: usize| {
                     state.forward_position(model, m.q(k));
-                    state.center_of_mass(&lab.body.phi).1
+                    state.centre_of_mass(&lab.body.phi).1
                 };
                 let (start, middle, end) = (com(ticks[0]), com(ticks[ticks.len() / 2]), com(*last));
                 let time = |k: usize| (k - first) as f64 * m.tick_s;

@@ -129,7 +129,7 @@ fn laws_act_on_people_and_on_the_whole_body() {
     let wrench = &trial.motion.effects[tick];
     let mut state = aloft_body::State::new(&lab.body.model);
     state.forward_position(&lab.body.model, trial.motion.q(tick));
-    let com = state.center_of_mass(&lab.body.phi).1;
+    let com = state.centre_of_mass(&lab.body.phi).1;
     assert!((wrench.force_n.z - mass * 9.81 * 0.02).abs() < 1e-12);
     assert!((wrench.moment_nm - com.cross(&wrench.force_n)).norm() < 1e-12);
 }

@@ -7,7 +7,8 @@ use serde_yaml::Value;
 const KEYS: &[(&str, &str, &str)] = &[("identify", "repeat_correlation", "flight_error_correlation")];
 
 /// Section, key, former value, present value.
-const VALUES: &[(&str, &str, &str, &str)] = &[("regressor", "rows", "paper", "acceleration")];
+const VALUES: &[(&str, &str, &str, &str)] =
+    &[("regressor", "rows", "paper", "acceleration"), ("identify", "estimator", "regularized", "regularised")];
 
 /// Replaces former names anywhere in a configuration; returns one sentence for each replacement.
 pub fn replace(value: &mut Value) -> Vec<String> {

@@ -1,7 +1,7 @@
 //! Marker sets: link and anatomical landmark of each label. Stored as data in
 //! `configs/markersets/`.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// A marker set as stored in its file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -42,8 +42,8 @@ pub struct MarkerDefinition {
     pub label: String,
     /// Link that carries it.
     pub link: String,
-    /// Anatomical landmark that it marks, if any (`asis_l`, `knee_medial_r`, `hip_center_l` …).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    /// Anatomical landmark that it marks, if any (`asis_l`, `knee_medial_r`, `hip_centre_l` …).
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "landmark")]
     pub landmark: Option<String>,
     /// Other labels of the same marker.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -77,6 +77,12 @@ impl MarkerDefinition {
             optional: false,
         }
     }
+}
+
+/// Reads a landmark. The former spelling of joint centres (`hip_center_l`) means the same.
+fn landmark<'de, D: Deserializer<'de>>(input: D) -> Result<Option<String>, D::Error> {
+    let read = Option::<String>::deserialize(input)?;
+    Ok(read.map(|name| name.replace("_center", "_centre")))
 }
 
 fn one() -> f64 {

@@ -28,7 +28,7 @@ const LINKS: [&str; 17] = [
     "link0",
     "link1",
 ];
-const MIDLINE: [&str; 8] = ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum", "neck_center", "pelvis_up"];
+const MIDLINE: [&str; 8] = ["vertex", "c7", "t10", "suprasternale", "xiphoid", "sacrum", "neck_centre", "pelvis_up"];
 const SIDED: &[&str] = &[
     "head_front",
     "head_back",
@@ -41,12 +41,12 @@ const SIDED: &[&str] = &[
     "hand_distal",
     "asis",
     "psis",
-    "hip_center",
-    "knee_center",
-    "ankle_center",
-    "shoulder_center",
-    "elbow_center",
-    "wrist_center",
+    "hip_centre",
+    "knee_centre",
+    "ankle_centre",
+    "shoulder_centre",
+    "elbow_centre",
+    "wrist_centre",
     "trochanter",
     "knee_lateral",
     "knee_medial",

@@ -195,7 +195,7 @@ fn load(head: TrialHead, dir: &Path, points: bool) -> Result<Trial, PipelineErro
 }
 
 /// Centres of the plates of an imported recording, world, m.
-pub fn plate_centers(dir: &Path) -> Result<Vec<Vector3<f64>>, PipelineError> {
+pub fn plate_centres(dir: &Path) -> Result<Vec<Vector3<f64>>, PipelineError> {
     let head: TrialHead = read_json(&dir.join("trial.json"))?;
     let middle = |p: &PlateHead| p.corners_m.iter().sum::<Vector3<f64>>() / p.corners_m.len().max(1) as f64;
     Ok(head.plates.iter().map(middle).collect())

@@ -56,13 +56,13 @@ impl SegmentAxes {
         for (side, sign) in [('r', 1.0), ('l', -1.0)] {
             // Bell's proportions are enough to tell segments apart
             let by_pelvis = asis.zip(width).map(|(m, w)| m + w * (0.36 * sign) - Vector3::z() * (0.3 * w.norm()));
-            let hip = get(&format!("hip_center_{side}")).or(by_pelvis).or_else(|| sided(&["trochanter"], side));
-            let knee = sided(&["knee_lateral", "knee_medial", "knee_center"], side);
-            let ankle = sided(&["ankle_lateral", "ankle_medial", "ankle_center"], side);
+            let hip = get(&format!("hip_centre_{side}")).or(by_pelvis).or_else(|| sided(&["trochanter"], side));
+            let knee = sided(&["knee_lateral", "knee_medial", "knee_centre"], side);
+            let ankle = sided(&["ankle_lateral", "ankle_medial", "ankle_centre"], side);
             let toe = sided(&["toe", "mt1", "mt5"], side);
-            let shoulder = sided(&["acromion", "shoulder_center"], side);
-            let elbow = sided(&["elbow_lateral", "elbow_medial", "elbow_center"], side);
-            let wrist = sided(&["wrist", "wrist_radial", "wrist_ulnar", "wrist_center"], side);
+            let shoulder = sided(&["acromion", "shoulder_centre"], side);
+            let elbow = sided(&["elbow_lateral", "elbow_medial", "elbow_centre"], side);
+            let wrist = sided(&["wrist", "wrist_radial", "wrist_ulnar", "wrist_centre"], side);
             let fingers = sided(&["hand_distal"], side)
                 .or_else(|| elbow.zip(wrist).and_then(|(e, w)| Some(w + (w - e).try_normalize(1e-6)? * 0.09)));
             add(format!("thigh_{side}"), hip, knee, 0.08);
@@ -74,8 +74,8 @@ impl SegmentAxes {
         }
         let back = both("psis").or_else(|| get("sacrum"));
         add("pelvis".to_owned(), asis, back, 0.09);
-        let shoulders = both("acromion").or_else(|| both("shoulder_center"));
-        let top = get("c7").or_else(|| get("neck_center")).or(shoulders);
+        let shoulders = both("acromion").or_else(|| both("shoulder_centre"));
+        let top = get("c7").or_else(|| get("neck_centre")).or(shoulders);
         let loin = asis.zip(back).map(|(a, b)| (a + b) / 2.0).zip(top).map(|(p, t)| p + (t - p) * 0.4);
         add("torso".to_owned(), loin, shoulders.or(top), 0.13);
         add("head".to_owned(), top.map(|t| t + Vector3::z() * 0.08), top.map(|t| t + Vector3::z() * 0.28), 0.11);

@@ -195,20 +195,20 @@ fn landmarks_missing(set: &MarkerSet, model: &ModelSpec, errors: &mut Vec<SetFin
     let any = |stem: &str| has(&format!("{stem}_r")) || has(&format!("{stem}_l"));
     let finding = |problem: String, hint: &str| SetFinding { line: None, problem, hint: Some(hint.to_owned()) };
     let marked = any("asis");
-    if !(both("asis") && (any("psis") || has("sacrum"))) && (marked || !both("hip_center")) {
+    if !(both("asis") && (any("psis") || has("sacrum"))) && (marked || !both("hip_centre")) {
         errors.push(finding(
-            "the pelvis needs the landmarks asis_l, asis_r and one of psis_l, psis_r, sacrum, or hip_center_l and hip_center_r alone"
+            "the pelvis needs the landmarks asis_l, asis_r and one of psis_l, psis_r, sacrum, or hip_centre_l and hip_centre_r alone"
                 .to_owned(),
             "name them at the markers that sit there; hip joints are found from them",
         ));
     }
     let links = |stem: &str| model.links.iter().any(|l| l.name == format!("{stem}_r"));
     for (link, joint, stems) in [
-        ("shank", "knee", &["knee_lateral", "knee_medial", "knee_center"][..]),
-        ("foot", "ankle", &["ankle_lateral", "ankle_medial", "ankle_center"]),
-        ("upper_arm", "shoulder", &["acromion", "shoulder_center"]),
-        ("forearm", "elbow", &["elbow_lateral", "elbow_medial", "elbow_center"]),
-        ("hand", "wrist", &["wrist", "wrist_radial", "wrist_ulnar", "wrist_center"]),
+        ("shank", "knee", &["knee_lateral", "knee_medial", "knee_centre"][..]),
+        ("foot", "ankle", &["ankle_lateral", "ankle_medial", "ankle_centre"]),
+        ("upper_arm", "shoulder", &["acromion", "shoulder_centre"]),
+        ("forearm", "elbow", &["elbow_lateral", "elbow_medial", "elbow_centre"]),
+        ("hand", "wrist", &["wrist", "wrist_radial", "wrist_ulnar", "wrist_centre"]),
     ] {
         if !links(link) {
             continue;

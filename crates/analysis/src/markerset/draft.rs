@@ -295,8 +295,8 @@ impl<'a> Work<'a> {
                 continue;
             }
             let points: Vec<Vector3<f64>> = group.iter().filter_map(|i| self.at[*i]).collect();
-            let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
-            let Some(found) = axes.nearest(&center) else { continue };
+            let centre = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+            let Some(found) = axes.nearest(&centre) else { continue };
             let doubts: Vec<String> = found.doubtful.iter().map(|other| format!("{other} is nearly as near")).collect();
             let how = format!(
                 "rigid cluster of {} (distances vary by {:.1} mm), {:.0} mm beside the axis of {}",
@@ -365,9 +365,9 @@ impl<'a> Work<'a> {
         let tall = if self.stand.markers.labels.is_empty() { 1.7 } else { (high - low).max(0.5) };
         for group in groups(&self.sd, &open, TOGETHER_M) {
             let points: Vec<Vector3<f64>> = group.iter().filter_map(|i| self.at[*i]).collect();
-            let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
-            let height = (center.z - low) / tall;
-            let lateral = (Vector2::new(center.x - middle.x, center.y - middle.y)).dot(&right) / tall;
+            let centre = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+            let height = (centre.z - low) / tall;
+            let lateral = (Vector2::new(centre.x - middle.x, centre.y - middle.y)).dot(&right) / tall;
             let side = if lateral > 0.0 { "r" } else { "l" };
             let link = match height {
                 h if h < 0.06 => format!("foot_{side}"),

@@ -75,7 +75,7 @@ const WORDS: &[(&[&str], &str, Option<&str>)] = &[
     (&["psis", "ips", "psi"], "pelvis", Some("psis")),
     (&["sacr", "sacrum", "vsac"], "pelvis", Some("sacrum")),
     (&["iliac", "crest", "iliccrest"], "pelvis", None),
-    (&["hjc", "hipcent", "hipjoint"], "pelvis", Some("hip_center")),
+    (&["hjc", "hipcent", "hipjoint"], "pelvis", Some("hip_centre")),
     (
         &["mknee", "kneemed", "medknee", "kneem", "medialknee", "mfc", "fme", "mepi", "medcond", "femmed"],
         "thigh",
@@ -129,7 +129,7 @@ fn words(label: &str) -> Option<Place> {
         let central = matches!(link, "pelvis" | "torso");
         let link = if central { link.to_owned() } else { format!("{link}_{side}") };
         let landmark = landmark.map(|l| if l == "sacrum" { l.to_owned() } else { format!("{l}_{side}") });
-        let tracking = !patella && landmark.as_deref().is_none_or(|l| !l.starts_with("hip_center"));
+        let tracking = !patella && landmark.as_deref().is_none_or(|l| !l.starts_with("hip_centre"));
         return Some(Place { link, landmark, tracking, how: format!("`{word}` in the label"), doubts: Vec::new() });
     }
     let (word, link, landmark) = found(CENTRAL, &text)?;

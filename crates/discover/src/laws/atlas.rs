@@ -138,7 +138,7 @@ pub(crate) fn columns(
     weight: &[Vec<f64>],
     nb: usize,
     stride: usize,
-) -> Option<Vec<DMatrix<f64>>> {
+) -> Vec<DMatrix<f64>> {
     problem
         .clusters
         .iter()
@@ -147,11 +147,11 @@ pub(crate) fn columns(
             let mut at = 0;
             for &i in &c.blocks {
                 let trial = session.blocks[i].trial;
-                let rows = session.modulated(i, &unit[trial], &weight[trial], nb, stride)?;
+                let rows = session.modulated(i, &unit[trial], &weight[trial], nb, stride);
                 out.view_mut((at, 0), rows.shape()).copy_from(&rows);
                 at += rows.nrows();
             }
-            Some(out)
+            out
         })
         .collect()
 }
@@ -262,7 +262,7 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
         })
         .collect();
     let mut add = |unit: &[Vec<Vec<[f64; 6]>>], base: &Group, choices: &[&[usize]], weight: &[Vec<f64>], nb: usize| {
-        let Some(columns) = columns(session, problem, unit, weight, nb, stride) else { return };
+        let columns = columns(session, problem, unit, weight, nb, stride);
         if !columns.iter().all(|c| c.iter().all(|x| x.is_finite())) {
             return;
         }

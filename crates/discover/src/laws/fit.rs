@@ -206,7 +206,7 @@ fn screened(
                     w
                 })
                 .collect();
-            let Some(made) = columns(session, problem, &unit, &weight, nb, stride) else { continue };
+            let made = columns(session, problem, &unit, &weight, nb, stride);
             if !made.iter().all(|c: &DMatrix<f64>| c.iter().all(|x| x.is_finite())) {
                 continue;
             }

@@ -64,7 +64,7 @@ pub(crate) fn misfit(
                 let values = frames.values(choice.variable, &choice.anchor);
                 let range = range_of(&values)?;
                 let weight: Vec<Vec<f64>> = values.iter().map(|x| splines(x, range)).collect();
-                let made = columns(session, problem, &unit, &weight, SPLINES, stride)?;
+                let made = columns(session, problem, &unit, &weight, SPLINES, stride);
                 if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
                     return None;
                 }

@@ -222,8 +222,8 @@ impl Effect for Law {
         match self.point_is {
             PointIs::Given => {}
             PointIs::Free => {
-                let center = scene.link_com_m[self.carrier.link()];
-                out.extend(NonlinearParameter::point_on_link("point", &center, POINT_REACH_M));
+                let centre = scene.link_com_m[self.carrier.link()];
+                out.extend(NonlinearParameter::point_on_link("point", &centre, POINT_REACH_M));
             }
             PointIs::OnPlane(_) => {
                 let of = |name| NonlinearParameter::new(name, "m", -POINT_REACH_M, POINT_REACH_M, 0.2 * POINT_REACH_M);
@@ -231,7 +231,7 @@ impl Effect for Law {
             }
         }
         if self.has_anchor() {
-            out.extend(NonlinearParameter::point_in_world("anchor", &scene.volume_center_m, 6.0));
+            out.extend(NonlinearParameter::point_in_world("anchor", &scene.volume_centre_m, 6.0));
         }
         for (i, f) in self.factors.iter().enumerate().filter(|(_, f)| f.fixed.is_none()) {
             for p in f.shape.parameters(f.range, f.is_distance()) {

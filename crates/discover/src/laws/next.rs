@@ -45,7 +45,7 @@ const CHANGES: [Change; 8] = [
 impl Change {
     fn of(&self, at: &Instant, scene: &Scene) -> Instant {
         let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.turn_deg.to_radians());
-        let middle = scene.volume_center_m;
+        let middle = scene.volume_centre_m;
         Instant {
             position: middle + turn * (at.position - middle) + Vector3::from(self.shift_m),
             velocity: turn * at.velocity * self.speed,

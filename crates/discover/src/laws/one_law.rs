@@ -145,7 +145,7 @@ fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, 
                 w
             })
             .collect();
-        let made = columns(session, problem, &unit, &weight, nb, stride)?;
+        let made = columns(session, problem, &unit, &weight, nb, stride);
         if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
             return None;
         }

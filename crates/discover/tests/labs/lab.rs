@@ -70,7 +70,7 @@ impl Recorded {
             phi: &self.phi,
             prior: self.prior.as_ref(),
             mass_kg: self.mass_kg,
-            plate_centers_m: &[],
+            plate_centres_m: &[],
         };
         let trials: Vec<TrialInput<'_>> = self
             .motions

@@ -48,7 +48,7 @@ pub struct Evidence {
     pub links: Vec<LinkInertia>,
     pub known: Known,
     pub mass_kg: f64,
-    pub centers_m: Vec<Vector3<f64>>,
+    pub centres_m: Vec<Vector3<f64>>,
     pub trials: Vec<Recording>,
     pub options: WeakOptions,
 }
@@ -72,12 +72,12 @@ impl Evidence {
             _ => off(&lab.body.phi, 1),
         };
         let mass_kg = lab.body.phi.iter().map(|p| p[0]).sum::<f64>();
-        let centers_m = lab.trials[0].plates.iter().map(|p| p.geometry.center()).collect();
+        let centres_m = lab.trials[0].plates.iter().map(|p| p.geometry.centre()).collect();
         let trials = moving(lab)
             .zip(motions)
             .map(|((index, trial), motion)| recording(lab, trial, motion, mass_kg, spacing_s * index as f64))
             .collect();
-        Self { model, links, known, mass_kg, centers_m, trials, options: WeakOptions::default() }
+        Self { model, links, known, mass_kg, centres_m, trials, options: WeakOptions::default() }
     }
 
     /// Scene and session of the evidence.
@@ -89,7 +89,7 @@ impl Evidence {
             phi: &phi,
             prior: prior.as_ref(),
             mass_kg: self.mass_kg,
-            plate_centers_m: &self.centers_m,
+            plate_centres_m: &self.centres_m,
         };
         let measured: Vec<Option<Vec<Vector6<f64>>>> = self.trials.iter().map(|t| whole(&t.plates)).collect();
         let trials: Vec<TrialInput<'_>> = self

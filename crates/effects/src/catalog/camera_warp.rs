@@ -49,7 +49,7 @@ impl Effect for CameraWarp {
     fn evaluate(&self, series: &Series<'_>, _: Target, _: &[f64], out: &mut Columns) {
         let scene = series.scene;
         add_columns(series, out, |f, column, link| {
-            let x: Vector3<f64> = f.links[link].point(&scene.link_com_m[link]) - scene.volume_center_m;
+            let x: Vector3<f64> = f.links[link].point(&scene.link_com_m[link]) - scene.volume_centre_m;
             match column.checked_sub(ALONG) {
                 None => x * x.norm(),
                 Some(k) => axis(k) * x.norm_squared(),

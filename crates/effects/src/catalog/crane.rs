@@ -39,7 +39,7 @@ impl Effect for Crane {
         vec![Coefficient::positive("tension", "N")]
     }
     fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
-        let mut out = NonlinearParameter::point_in_world("pulley", &scene.volume_center_m, 8.0);
+        let mut out = NonlinearParameter::point_in_world("pulley", &scene.volume_centre_m, 8.0);
         out.extend(NonlinearParameter::point_of(scene, target));
         out
     }

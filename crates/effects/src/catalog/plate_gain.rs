@@ -68,7 +68,7 @@ impl Effect for PlateGain {
 
 /// Columns of every component of one plate.
 fn one_plate(f: &EffectFrame<'_>, plate: usize, out: &mut Columns, i: usize) {
-    let (Some(here), Some(centre)) = (f.plates.get(plate), f.scene.plate_centers_m.get(plate)) else { return };
+    let (Some(here), Some(centre)) = (f.plates.get(plate), f.scene.plate_centres_m.get(plate)) else { return };
     let about_centre = here.moment_nm - centre.cross(&here.force_n);
     for k in 0..3 {
         out.force_at(i, FORCE + k, &(axis(k) * here.force_n[k]), centre);

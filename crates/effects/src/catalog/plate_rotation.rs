@@ -41,7 +41,7 @@ impl Effect for PlateRotation {
     fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
         let Target::Plate(plate) = target else { return };
         for (i, f) in series.instants().filter(|(_, f)| !f.flight) {
-            let (Some(here), Some(centre)) = (f.plates.get(plate), f.scene.plate_centers_m.get(plate)) else {
+            let (Some(here), Some(centre)) = (f.plates.get(plate), f.scene.plate_centres_m.get(plate)) else {
                 continue;
             };
             let about_centre = here.moment_nm - centre.cross(&here.force_n);

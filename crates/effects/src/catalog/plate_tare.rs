@@ -47,7 +47,7 @@ impl Effect for PlateTare {
     }
     fn evaluate(&self, series: &Series<'_>, target: Target, _: &[f64], out: &mut Columns) {
         let Target::Plate(plate) = target else { return };
-        let Some(centre) = series.scene.plate_centers_m.get(plate) else { return };
+        let Some(centre) = series.scene.plate_centres_m.get(plate) else { return };
         for (i, _) in series.instants().filter(|(_, f)| !f.flight && !f.plates.is_empty()) {
             for k in 0..3 {
                 out.force_at(i, FORCE + k, &axis(k), centre);

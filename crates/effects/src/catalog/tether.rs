@@ -44,7 +44,7 @@ impl Effect for Tether {
         vec![Coefficient::positive("stiffness", "N/m"), Coefficient::free("damping", "N*s/m")]
     }
     fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
-        let mut out = NonlinearParameter::point_in_world("anchor", &scene.volume_center_m, 8.0);
+        let mut out = NonlinearParameter::point_in_world("anchor", &scene.volume_centre_m, 8.0);
         out.push(NonlinearParameter::new("rest_length", "m", 0.0, 8.0, 0.1));
         out.extend(NonlinearParameter::point_of(scene, target));
         out
@@ -54,7 +54,7 @@ impl Effect for Tether {
         anchors(scene)
             .iter()
             .flat_map(|anchor| {
-                let mean = (anchor - scene.volume_center_m).norm();
+                let mean = (anchor - scene.volume_centre_m).norm();
                 [0.0, 0.6 * mean, 0.95 * mean]
                     .map(|rest_length| [anchor.as_slice(), &[rest_length], attachment.as_slice()].concat())
             })
@@ -82,7 +82,7 @@ impl Effect for Tether {
 
 /// Anchors around the volume, at several heights and distances, slack and not.
 pub(super) fn anchors(scene: &Scene) -> Vec<Vector3<f64>> {
-    let c = scene.volume_center_m;
+    let c = scene.volume_centre_m;
     let mut out = vec![c + Vector3::z() * 2.0, c + Vector3::z() * 0.8, c - Vector3::z() * 1.0];
     for distance in [1.0, 2.5] {
         for k in 0..8 {

@@ -147,7 +147,7 @@ fn displaced_links_change_the_momentum_as_their_columns_say() {
     let (scene, size) = (&fixture.scene, 1e-5);
     type Field = fn(&EffectFrame<'_>, usize, usize) -> Vector3<f64>;
     let warp: Field = |f, column, link| {
-        let x = f.links[link].point(&f.scene.link_com_m[link]) - f.scene.volume_center_m;
+        let x = f.links[link].point(&f.scene.link_com_m[link]) - f.scene.volume_centre_m;
         if column == 0 { x * x.norm() } else { Vector3::ith(column - 1, x.norm_squared()) }
     };
     let skin: Field = |f, column, link| f.links[1].rotation.column(column) * if link == 1 { f.q[7] } else { 0.0 };
@@ -205,7 +205,7 @@ fn a_smoothed_motion_lacks_what_the_column_of_a_filter_says() {
     let mut state = State::new(model);
     let mut com = |q: &[f64]| {
         state.forward_position(model, q);
-        state.center_of_mass(&fixture.scene.phi).1
+        state.centre_of_mass(&fixture.scene.phi).1
     };
     let mut seen = fixture.motion.clone();
     let frames = fixture.motion.n_frames() as isize;

@@ -235,7 +235,7 @@ fn plates_are_corrected_in_the_right_sense() {
             (one("plate_time_offset[plate1]"), one("plate_clock_drift"), one("plate_origin[plate2]"));
         let (turn, gain) = (one("plate_rotation[plate1]"), one("plate_gain"));
         let (tare, gains) = (one("plate_tare[plate2]"), one("plate_gain[plate2]"));
-        let centre = fixture.scene.plate_centers_m[1];
+        let centre = fixture.scene.plate_centres_m[1];
         for i in (10..series.len() - 10).step_by(9) {
             let f = series.frame(i);
             let t = f.time_s;

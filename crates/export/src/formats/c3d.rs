@@ -8,7 +8,7 @@
 //! unchanged. A recording that was not C3D becomes a new file in our world (Z up, mm), with ground
 //! reactions as computed forces and moments.
 
-use crate::channels::joint_centers;
+use crate::channels::joint_centres;
 use crate::coordinates::Quantity;
 use crate::loads::parts;
 use crate::{ExportError, Format, OutFile, SubjectExport, TrialExport};
@@ -39,13 +39,13 @@ fn write(subject: &SubjectExport, trial: &TrialExport) -> Result<Vec<OutFile>, E
     }
     let before = file.points.len();
     let per_metre = units_per_metre(&file, &trial.name)?;
-    for (name, path) in joint_centers(subject, trial) {
+    for (name, path) in joint_centres(subject, trial) {
         let at = |p: &Vector3<f64>| source_from_world * *p * per_metre;
         add(&mut file, &name, PointKind::Marker, "", path.iter().map(at));
     }
     if let Some(forces) = &trial.forces {
         let at = |p: &Vector3<f64>| source_from_world * *p * per_metre;
-        add(&mut file, "COM", PointKind::Marker, "", forces.center_of_mass_m.iter().map(at));
+        add(&mut file, "COM", PointKind::Marker, "", forces.centre_of_mass_m.iter().map(at));
     }
     add_angles(&mut file, subject, trial);
     add_events(&mut file, trial);

@@ -2,7 +2,7 @@
 //! that assigns each load to a body.
 
 use crate::frame::to_ground;
-use crate::loads::{LOADED_N, center_of_pressure, parts};
+use crate::loads::{LOADED_N, centre_of_pressure, parts};
 use crate::number::{fixed, joined};
 use crate::storage::{extent, text};
 use crate::xml::Xml;
@@ -112,7 +112,7 @@ fn unfiltered(trial: &TrialExport) -> Vec<OutFile> {
             let values = group.iter().flat_map(|(_, p)| {
                 let (force, moment) = (p.force_n[i], p.moment_nm[i]);
                 let w = Vector6::new(force.x, force.y, force.z, moment.x, moment.y, moment.z);
-                let point = if force.z > LOADED_N { center_of_pressure(&w) } else { Vector3::zeros() };
+                let point = if force.z > LOADED_N { centre_of_pressure(&w) } else { Vector3::zeros() };
                 nine(&force, &point, &(moment - point.cross(&force)))
             });
             (i as f64 / first.rate_hz, values.collect())

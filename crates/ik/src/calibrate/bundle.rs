@@ -41,7 +41,7 @@ struct Layout {
     /// Of each tracked marker.
     marker: Vec<usize>,
     /// Of each link's joint centre, `NONE` if it has none.
-    center: Vec<usize>,
+    centre: Vec<usize>,
     /// Of each hinge axis, `NONE` for other joints.
     axis: Vec<usize>,
     size: usize,
@@ -51,7 +51,7 @@ struct Layout {
 #[derive(Debug, Clone)]
 pub(crate) struct Uncertainty {
     /// Of each link's joint centre, m, root mean square over axes; NaN for the root.
-    pub center_m: Vec<f64>,
+    pub centre_m: Vec<f64>,
     /// Of each hinge's axis, rad; NaN elsewhere.
     pub axis_rad: Vec<f64>,
 }
@@ -320,10 +320,10 @@ impl Bundle {
             }
             if joint.parent != NONE {
                 let above = &scratch.turned[joint.parent];
-                if self.layout.center[link] != NONE {
+                if self.layout.centre[link] != NONE {
                     let shift: Matrix3<f64> = above - scratch.turned[link];
                     for i in 0..3 {
-                        scratch.columns.push((self.layout.center[link] + i, shift.column(i).into_owned()));
+                        scratch.columns.push((self.layout.centre[link] + i, shift.column(i).into_owned()));
                     }
                 }
                 if self.layout.axis[link] != NONE {
@@ -347,9 +347,9 @@ impl Bundle {
         for (k, &m) in self.marker_of.iter().enumerate() {
             self.present.marker[m] = from.marker[m] + three(self.layout.marker[k]);
         }
-        for link in 0..self.layout.center.len() {
-            if self.layout.center[link] != NONE {
-                self.present.center[link] = from.center[link] + three(self.layout.center[link]);
+        for link in 0..self.layout.centre.len() {
+            if self.layout.centre[link] != NONE {
+                self.present.centre[link] = from.centre[link] + three(self.layout.centre[link]);
             }
             if self.layout.axis[link] != NONE {
                 let at = self.layout.axis[link];
@@ -367,9 +367,9 @@ impl Bundle {
         for (k, &m) in self.marker_of.iter().enumerate() {
             put(self.layout.marker[k], self.present.marker[m] - self.landmarks.marker[m]);
         }
-        for link in 0..self.layout.center.len() {
-            if self.layout.center[link] != NONE {
-                put(self.layout.center[link], self.present.center[link] - self.landmarks.center[link]);
+        for link in 0..self.layout.centre.len() {
+            if self.layout.centre[link] != NONE {
+                put(self.layout.centre[link], self.present.centre[link] - self.landmarks.centre[link]);
             }
         }
         for link in 0..self.layout.axis.len() {
@@ -403,7 +403,7 @@ impl Bundle {
             if at == NONE { f64::NAN } else { ((at..at + n).map(|i| variance[i]).sum::<f64>() / n as f64).sqrt() }
         };
         let uncertainty = Uncertainty {
-            center_m: self.layout.center.iter().map(|&at| root_mean(at, 3)).collect(),
+            centre_m: self.layout.centre.iter().map(|&at| root_mean(at, 3)).collect(),
             axis_rad: self.layout.axis.iter().map(|&at| root_mean(at, 2)).collect(),
         };
         let subject = self.present.subject(like, &self.frames[0].q, &self.standing.tree)?;
@@ -444,7 +444,7 @@ fn lay_out(problem: &Problem, options: &CalibrateOptions) -> (Layout, DVector<f6
     let links = &problem.tree.links;
     let marker = problem.markers.iter().map(|_| place(3, options.marker_sd_m)).collect();
     let turns = |kind: &JointKind| matches!(kind, JointKind::Spherical | JointKind::Revolute(_));
-    let center = links
+    let centre = links
         .iter()
         .map(|l| if l.parent != NONE && turns(&l.kind) { place(3, options.joint_sd(&l.name)) } else { NONE })
         .collect();
@@ -456,5 +456,5 @@ fn lay_out(problem: &Problem, options: &CalibrateOptions) -> (Layout, DVector<f6
         })
         .collect();
     let size = precision.len();
-    (Layout { marker, center, axis, size }, DVector::from_vec(precision))
+    (Layout { marker, centre, axis, size }, DVector::from_vec(precision))
 }

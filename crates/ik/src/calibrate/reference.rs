@@ -12,7 +12,7 @@ pub(crate) struct Reference {
     /// Orientation of each link; constant during a calibration.
     pub rotation: Vec<Matrix3<f64>>,
     /// Centre of each link's joint (the root's origin for link 0).
-    pub center: Vec<Vector3<f64>>,
+    pub centre: Vec<Vector3<f64>>,
     /// Direction of each hinge, zero for other joints.
     pub axis: Vec<Vector3<f64>>,
     /// Position of every marker of the subject.
@@ -36,7 +36,7 @@ impl Reference {
         state.forward_position(model, &subject.static_q);
         let rotation: Vec<Matrix3<f64>> =
             state.world_from_link.iter().map(|pose| pose.rotation.to_rotation_matrix().into_inner()).collect();
-        let center = state.world_from_link.iter().map(|pose| pose.translation.vector).collect();
+        let centre = state.world_from_link.iter().map(|pose| pose.translation.vector).collect();
         let mut axis = vec![Vector3::zeros(); model.n_links()];
         let mut angle = vec![0.0; model.n_links()];
         for (i, link) in model.links.iter().enumerate() {
@@ -46,7 +46,7 @@ impl Reference {
             }
         }
         let marker = subject.markers.iter().map(|m| state.point_in_world(m.link, &m.position_m)).collect();
-        Ok(Self { rotation, center, axis, marker, angle })
+        Ok(Self { rotation, centre, axis, marker, angle })
     }
 
     /// Writes the geometry into a tracking problem whose hinge angles are relative to the static
@@ -56,7 +56,7 @@ impl Reference {
             if link.parent == NONE {
                 continue;
             }
-            link.translation = self.rotation[link.parent].transpose() * (self.center[i] - self.center[link.parent]);
+            link.translation = self.rotation[link.parent].transpose() * (self.centre[i] - self.centre[link.parent]);
             if let JointKind::Revolute(_) = link.kind {
                 link.rotation = self.rotation[link.parent].transpose() * self.rotation[i];
                 link.aligned = false;
@@ -64,7 +64,7 @@ impl Reference {
             }
         }
         for (tracked, &m) in problem.markers.iter_mut().zip(marker_of) {
-            tracked.position = self.rotation[tracked.link].transpose() * (self.marker[m] - self.center[tracked.link]);
+            tracked.position = self.rotation[tracked.link].transpose() * (self.marker[m] - self.centre[tracked.link]);
         }
     }
 
@@ -90,18 +90,18 @@ impl Reference {
             let link = &mut subject.model.links[i];
             if let Some(parent) = link.parent {
                 let up = turned[parent].transpose();
-                link.joint.parent_from_joint.translation.vector = up * (self.center[i] - self.center[parent]);
+                link.joint.parent_from_joint.translation.vector = up * (self.centre[i] - self.centre[parent]);
                 if let JointKind::Revolute(direction) = link.joint.kind {
                     let back = axis_angle_matrix(&direction, -self.angle[i]);
                     let rotation = up * turned[i] * back;
                     link.joint.parent_from_joint.rotation = renormalized(&rotation);
                 }
             }
-            let new_from_old = iso(&turned[i], &self.center[i]).inverse() * iso(&old.rotation[i], &old.center[i]);
+            let new_from_old = iso(&turned[i], &self.centre[i]).inverse() * iso(&old.rotation[i], &old.centre[i]);
             subject.prior[i] = like.prior[i].transformed(&new_from_old);
         }
         for (marker, place) in subject.markers.iter_mut().zip(&self.marker) {
-            marker.position_m = turned[marker.link].transpose() * (place - self.center[marker.link]);
+            marker.position_m = turned[marker.link].transpose() * (place - self.centre[marker.link]);
         }
         // The static posture: poses of the links as tracked, then joint coordinates of the new
         // frames.

@@ -140,10 +140,10 @@ impl CalibrationReport {
                 let turned = now.axis[i].angle(&landmarks.axis[i]);
                 JointChange {
                     link: link.name.clone(),
-                    landmark_m: landmarks.center[i],
-                    calibrated_m: now.center[i],
-                    moved_m: (now.center[i] - landmarks.center[i]).norm(),
-                    sd_m: uncertainty.center_m[i],
+                    landmark_m: landmarks.centre[i],
+                    calibrated_m: now.centre[i],
+                    moved_m: (now.centre[i] - landmarks.centre[i]).norm(),
+                    sd_m: uncertainty.centre_m[i],
                     axis_turned_rad: hinge.then_some(turned),
                     axis_sd_rad: hinge.then_some(uncertainty.axis_rad[i]),
                 }

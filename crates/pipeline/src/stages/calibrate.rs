@@ -101,7 +101,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         .map_err(|e| StageFailure::new(format!("scale/report.json: {e}")))?;
     let options = CalibrateOptions {
         frames: config.frames,
-        joint_sd_m: joints.iter().map(|j| (j.link.clone(), j.center_sd_m)).collect(),
+        joint_sd_m: joints.iter().map(|j| (j.link.clone(), j.centre_sd_m)).collect(),
         axis_sd_rad: joints.iter().filter_map(|j| j.axis_sd_rad.map(|sd| (j.link.clone(), sd))).collect(),
         ik: IkOptions { locked: inputs.results.load_locked()?, ..IkOptions::default() },
         ..CalibrateOptions::default()

@@ -17,7 +17,7 @@ use aloft_study::calendar::Calendar;
 use aloft_study::config::{CompareConfig, FilterConfig, IdentifyConfig, IkConfig, RegressorConfig, Rows};
 use aloft_study::effects::ModelEffects;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
-use aloft_workspace::artifact::plate_centers;
+use aloft_workspace::artifact::plate_centres;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::{read_json, write_json};
 use aloft_workspace::key::key;
@@ -36,7 +36,7 @@ pub use trial::{ComparedTrial, HeldOut, has_validation, load_trials};
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 10,
+    version: 11,
     scope: Scope::Session,
     seconds: 0.6,
     reads: "parameters, held-out trials",
@@ -255,7 +255,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     };
     let validates = |name: &String| -> Result<bool, StageFailure> {
         let held_out = inputs.role(name) == Some(Role::Validate);
-        Ok(held_out && !plate_centers(&results.place("import", name)?)?.is_empty())
+        Ok(held_out && !plate_centres(&results.place("import", name)?)?.is_empty())
     };
     let validation = names.iter().map(validates).collect::<Result<Vec<bool>, _>>()?.contains(&true);
     let readings: Vec<(String, TareReadings)> = if earlier.is_some() {

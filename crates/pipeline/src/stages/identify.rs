@@ -124,9 +124,9 @@ pub fn estimator(params: &Params, rows: Rows) -> Estimator {
             Estimator::NullVector(ColumnScaling::default())
         }
         (ChosenEstimator::MassConstrained, _) => Estimator::MassConstrained,
-        (ChosenEstimator::Regularized, _) => Estimator::Regularized { weight },
+        (ChosenEstimator::Regularised, _) => Estimator::Regularised { weight },
         (ChosenEstimator::Auto, Rows::Weak) if params.is_object => Estimator::MassConstrained,
-        (ChosenEstimator::Auto, Rows::Weak) => Estimator::Regularized { weight },
+        (ChosenEstimator::Auto, Rows::Weak) => Estimator::Regularised { weight },
     }
 }
 
@@ -205,7 +205,7 @@ impl Predicting {
     pub fn like(subject: &Subject, parameters: &Parameters) -> Result<Self, StageFailure> {
         let fail = |e: aloft_identify::IdentifyError| StageFailure::new(e.to_string());
         let prior = match parameters.estimator {
-            Estimator::Regularized { .. } => {
+            Estimator::Regularised { .. } => {
                 let base = BaseParameters::of(&subject.model);
                 let prior = LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?;
                 Some(prior.prepared(subject.facts.mass_kg).map_err(fail)?)

@@ -359,7 +359,7 @@ class Study:
         return self.table("compare", None, f"series_{trial}.parquet")
 
     def windows(self, trial: str) -> Table:
-        """Error of each model over weak windows (predicted − measured): `center_s`, then force and moment.
+        """Error of each model over weak windows (predicted − measured): `centre_s`, then force and moment.
 
         N and N·m in world axes (Z up), moments about the path of the centre of mass.
         """

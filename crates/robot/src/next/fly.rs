@@ -50,7 +50,7 @@ impl Body<'_> {
             self.v[*iv] = joints.1[k];
         }
         self.state.forward_velocity(self.model, &self.q, &self.v);
-        let (mass, centre) = self.state.center_of_mass(self.phi);
+        let (mass, centre) = self.state.centre_of_mass(self.phi);
         let mut out =
             Whole { mass, centre, linear: Vector3::zeros(), angular: Vector3::zeros(), inertia: Matrix3::zeros() };
         for (i, phi) in self.phi.iter().enumerate() {

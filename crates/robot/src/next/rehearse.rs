@@ -118,7 +118,7 @@ impl Rehearsal<'_> {
             q[link.joint.q_offset] = *hold;
         }
         state.forward_position(self.model, &q);
-        let centre = state.center_of_mass(self.phi).1;
+        let centre = state.centre_of_mass(self.phi).1;
         let release = Release {
             centre_m: centre,
             speed_m_s: up + (r * turn).cross(&(centre - p)),

@@ -49,7 +49,7 @@ pub(super) struct Moves {
     /// The link's frame at zero in the parent body's frame.
     pub parent_from_link: Isometry3<f64>,
     /// The link's origin in the body's frame, m.
-    pub center: Vector3<f64>,
+    pub centre: Vector3<f64>,
     pub stray_m: f64,
 }
 
@@ -99,11 +99,11 @@ impl Builder<'_> {
             return Kind::Rides { why: why.to_owned(), unseen: false };
         }
         let at_rest = joint.body_in_parent(self.rest);
-        let (in_parent, center, stray_m) = if sliding {
-            self.center(index)
+        let (in_parent, centre, stray_m) = if sliding {
+            self.centre(index)
         } else {
-            let center = joint.body_from_joint.translation.vector;
-            (at_rest.transform_point(&center.into()).coords, center, 0.0)
+            let centre = joint.body_from_joint.translation.vector;
+            (at_rest.transform_point(&centre.into()).coords, centre, 0.0)
         };
         if turning.is_empty() || stray_m > STRAY_M {
             self.refused.push(if turning.is_empty() {
@@ -131,24 +131,24 @@ impl Builder<'_> {
                         spec: JointSpec::Revolute((to_body * axis.into_inner()).into()),
                         motion: Motion::Hinge(*one),
                         parent_from_link: place(zero),
-                        center,
+                        centre,
                         stray_m,
                     },
-                    None => self.ball(place(UnitQuaternion::identity()), center, stray_m),
+                    None => self.ball(place(UnitQuaternion::identity()), centre, stray_m),
                 }
             }
-            _ => self.ball(place(UnitQuaternion::identity()), center, stray_m),
+            _ => self.ball(place(UnitQuaternion::identity()), centre, stray_m),
         };
         Kind::Moves(moves)
     }
 
-    fn ball(&self, parent_from_link: Isometry3<f64>, center: Vector3<f64>, stray_m: f64) -> Moves {
-        Moves { spec: JointSpec::Spherical, motion: Motion::Ball, parent_from_link, center, stray_m }
+    fn ball(&self, parent_from_link: Isometry3<f64>, centre: Vector3<f64>, stray_m: f64) -> Moves {
+        Moves { spec: JointSpec::Spherical, motion: Motion::Ball, parent_from_link, centre, stray_m }
     }
 
     /// The point of a sliding joint's body that stays nearest to one point of the parent over the
     /// range of its coordinates: in the parent's and in the body's frame, and how far it strays, m.
-    fn center(&self, index: usize) -> (Vector3<f64>, Vector3<f64>, f64) {
+    fn centre(&self, index: usize) -> (Vector3<f64>, Vector3<f64>, f64) {
         let joint = &self.osim.joints[index];
         let mut by: Vec<usize> = joint.axes().filter_map(|a| self.moved_by(a)).collect();
         by.sort_unstable();

@@ -96,7 +96,7 @@ impl RigidTree {
                     let name = specs.get(carrier).map(|s: &aloft_body::LinkSpec| s.name.clone());
                     specs.push(link_spec(joint.child.clone(), name, moves.spec, &at));
                     links.push(RigidLink { joint: index, motion: moves.motion, q_offset: 0 });
-                    let link_from_body = Isometry3::translation(-moves.center.x, -moves.center.y, -moves.center.z);
+                    let link_from_body = Isometry3::translation(-moves.centre.x, -moves.centre.y, -moves.centre.z);
                     sums.push(joint.inertia.transformed(&link_from_body).to_phi());
                     home.push((specs.len() - 1, link_from_body));
                     if moves.stray_m > 1e-4 {

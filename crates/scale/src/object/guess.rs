@@ -29,15 +29,15 @@ pub(super) fn static_markers(
                 error(links.spec, &links.spec.links[link].name, format!("marker `{label}` is not in {}", trial.name))
             };
             let index = trial.markers.index(label).ok_or_else(missing)?;
-            let center = statics.positions[index].ok_or_else(missing)?;
+            let centre = statics.positions[index].ok_or_else(missing)?;
             let (mut sum, mut n) = (Vector3::zeros(), 0usize);
             for &f in &statics.frames {
-                if let Some(p) = trial.markers.position(index, f).filter(|p| (p - center).norm() < 0.01) {
+                if let Some(p) = trial.markers.position(index, f).filter(|p| (p - centre).norm() < 0.01) {
                     sum += p;
                     n += 1;
                 }
             }
-            Ok(if n == 0 { center } else { sum / n as f64 })
+            Ok(if n == 0 { centre } else { sum / n as f64 })
         })
         .collect()
 }
@@ -46,7 +46,7 @@ pub(super) fn static_markers(
 pub(super) struct Clouds {
     /// Indices of the markers of each link.
     own: Vec<Vec<usize>>,
-    center: Vec<Vector3<f64>>,
+    centre: Vec<Vector3<f64>>,
     local: Vec<Vec<Vector3<f64>>>,
 }
 
@@ -55,10 +55,10 @@ impl Clouds {
         let n = links.parents.len();
         let own: Vec<Vec<usize>> =
             (0..n).map(|l| (0..at_rest.len()).filter(|&k| links.markers[k].0 == l).collect()).collect();
-        let center: Vec<Vector3<f64>> =
+        let centre: Vec<Vector3<f64>> =
             own.iter().map(|o| o.iter().map(|&k| at_rest[k]).sum::<Vector3<f64>>() / o.len() as f64).collect();
-        let local = own.iter().zip(&center).map(|(o, c)| o.iter().map(|&k| at_rest[k] - c).collect()).collect();
-        Self { own, center, local }
+        let local = own.iter().zip(&centre).map(|(o, c)| o.iter().map(|&k| at_rest[k] - c).collect()).collect();
+        Self { own, centre, local }
     }
 }
 
@@ -162,7 +162,7 @@ pub(super) fn first_guess(
     // Working frame of each link relative to its cloud, and its pose in the world of the static.
     let mut cloud_from_link: Vec<Isometry3<f64>> = vec![Isometry3::identity(); n];
     let at_rest_pose = |l: usize, cloud_from_link: &[Isometry3<f64>]| {
-        pose(&clouds.center[l], &UnitQuaternion::identity()) * cloud_from_link[l]
+        pose(&clouds.centre[l], &UnitQuaternion::identity()) * cloud_from_link[l]
     };
     let mut guesses = vec![f64::NAN; n];
     for l in 0..n {

@@ -59,8 +59,8 @@ pub struct ObjectJointReport {
     /// Child link.
     pub link: String,
     /// Joint centre (hinge: origin of the link) in the parent's frame, m.
-    #[serde(rename = "centre_in_parent_m", alias = "center_in_parent_m")]
-    pub center_in_parent_m: Vector3<f64>,
+    #[serde(alias = "center_in_parent_m")]
+    pub centre_in_parent_m: Vector3<f64>,
     /// Direction of a hinge in the parent's frame, unit; none for a ball joint.
     pub axis_in_parent: Option<Vector3<f64>>,
     /// Root mean square disagreement of the two segments in the first guess (SARA, SCoRE), m.
@@ -170,7 +170,7 @@ fn report(
             }
             ObjectJointReport {
                 link: links.spec.links[l].name.clone(),
-                center_in_parent_m: place.translation.vector,
+                centre_in_parent_m: place.translation.vector,
                 axis_in_parent: hinge.then(|| z_of(&place.rotation)),
                 first_guess_rms_m: guesses[l],
                 range_rad: ranges[l],

@@ -28,10 +28,10 @@ pub(super) fn size_prior(
             }
         }
         let count = points.len() as f64;
-        let center = points.iter().sum::<Vector3<f64>>() / count;
-        let scatter = points.iter().map(|p| (p - center) * (p - center).transpose()).sum::<Matrix3<f64>>() / count;
+        let centre = points.iter().sum::<Vector3<f64>>() / count;
+        let scatter = points.iter().map(|p| (p - centre) * (p - centre).transpose()).sum::<Matrix3<f64>>() / count;
         let thick = scatter + Matrix3::identity() * THICKNESS_M.powi(2);
-        shapes.push((center, thick, thick.determinant().max(0.0).sqrt()));
+        shapes.push((centre, thick, thick.determinant().max(0.0).sqrt()));
     }
     let stated: f64 = links.spec.links.iter().filter_map(|l| l.mass_fraction).sum();
     let open: f64 =
@@ -40,14 +40,14 @@ pub(super) fn size_prior(
     let mut prior: Vec<LinkInertia> = shapes
         .iter()
         .zip(&links.spec.links)
-        .map(|((center, scatter, volume), link)| {
+        .map(|((centre, scatter, volume), link)| {
             let share = link.mass_fraction.unwrap_or_else(|| (1.0 - stated).max(0.0) * volume / open.max(1e-30));
             let mass_kg = (share * total).max(1e-6 * total);
             // Markers are on the surface: the second moment of a solid is about half of theirs.
             let second = scatter * (0.5 * mass_kg);
             let mut inertia = LinkInertia {
                 mass_kg,
-                com_m: *center,
+                com_m: *centre,
                 inertia_com_kgm2: Matrix3::identity() * second.trace() - second,
             };
             make_consistent(&mut inertia, 1e-3);

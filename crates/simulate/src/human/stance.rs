@@ -115,7 +115,7 @@ impl<'a> Stance<'a> {
         let model = &self.person.body.model;
         self.chart.lift(model, &jets, &mut self.q, &mut self.v, &mut self.a);
         self.state.forward_position(model, &self.q);
-        self.state.center_of_mass(&self.person.body.phi).1
+        self.state.centre_of_mass(&self.person.body.phi).1
     }
 
     /// Places the legs under a given root and upper body: only the feet of `plan` are used.

@@ -18,7 +18,8 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct MarkerlessSpec {
     /// Constant displacement of each joint centre, each axis, m (standard deviation).
-    pub center_sd_m: f64,
+    #[serde(alias = "center_sd_m")]
+    pub centre_sd_m: f64,
     /// White noise of a segment's origin before smoothing, each axis, m.
     pub noise_m: f64,
     /// White noise of a segment's orientation before smoothing, each axis, rad.
@@ -29,7 +30,7 @@ pub struct MarkerlessSpec {
 
 impl Default for MarkerlessSpec {
     fn default() -> Self {
-        Self { center_sd_m: 0.01, noise_m: 2e-3, noise_rad: 0.02, cutoff_hz: 12.0 }
+        Self { centre_sd_m: 0.01, noise_m: 2e-3, noise_rad: 0.02, cutoff_hz: 12.0 }
     }
 }
 
@@ -59,7 +60,7 @@ fn axes() -> Matrix3<f64> {
     Matrix3::from_columns(&[Vector3::z(), Vector3::x(), Vector3::y()])
 }
 
-/// Poses of all segments, mm, at every `ticks_per_frame`-th tick. `centers` draws what is constant
+/// Poses of all segments, mm, at every `ticks_per_frame`-th tick. `centres` draws what is constant
 /// in a session, `noise` what differs from frame to frame.
 ///
 /// # Errors
@@ -71,12 +72,12 @@ pub fn record(
     rate_hz: f64,
     spec: &MarkerlessSpec,
     balls_m: &[Vector3<f64>; 2],
-    centers: &mut Stream,
+    centres: &mut Stream,
     noise: &mut Stream,
 ) -> Result<SegmentPoses, DesignError> {
     let n_frames = motion.n_ticks() / ticks_per_frame;
     let index = |name: &str| model.links.iter().position(|l| l.name == name);
-    let displaced: Vec<Vector3<f64>> = (0..model.n_links()).map(|_| centers.noise() * spec.center_sd_m).collect();
+    let displaced: Vec<Vector3<f64>> = (0..model.n_links()).map(|_| centres.noise() * spec.centre_sd_m).collect();
     // label, link of the axes, link whose joint is the origin, place in the frame of the former
     let mut wanted: Vec<(&str, usize, usize, Vector3<f64>)> = Vec::new();
     for (label, link, at) in SEGMENTS {

@@ -45,7 +45,7 @@ impl PlateGeometry {
     }
 
     /// Middle of the surface.
-    pub fn center(&self) -> Vector3<f64> {
+    pub fn centre(&self) -> Vector3<f64> {
         self.corners_m.iter().sum::<Vector3<f64>>() / 4.0
     }
 
@@ -69,13 +69,13 @@ pub fn record(
     clock: &dyn Fn(f64) -> f64,
     rng: &mut Stream,
 ) -> PlateChannels {
-    let mut center = geometry.center();
+    let mut centre = geometry.centre();
     let mut axes = geometry.world_from_plate();
     let mut gain = [1.0; 6];
     let mut tare = [0.0; 6];
     for effect in hidden.iter().filter(|e| e.plate() == Some(index + 1)) {
         match effect {
-            Hidden::PlateOrigin { shift_m, .. } => center += Vector3::from(*shift_m),
+            Hidden::PlateOrigin { shift_m, .. } => centre += Vector3::from(*shift_m),
             Hidden::PlateRotation { turn_deg, .. } => {
                 axes = Rotation3::from_scaled_axis(Vector3::from(*turn_deg).map(f64::to_radians)) * axes;
             }
@@ -89,7 +89,7 @@ pub fn record(
             _ => {}
         }
     }
-    let sensor = center - axes * geometry.origin_m;
+    let sensor = centre - axes * geometry.origin_m;
     let n = wrenches.len();
     let mut true_channels: [Vec<f64>; 6] = std::array::from_fn(|_| Vec::with_capacity(n));
     for w in wrenches {
@@ -140,7 +140,7 @@ impl PlateChannels {
     /// software.
     pub fn plate(&self, name: &str, rate_hz: f64) -> Plate {
         let axes = self.geometry.world_from_plate();
-        let sensor = self.geometry.center() - axes * self.geometry.origin_m;
+        let sensor = self.geometry.centre() - axes * self.geometry.origin_m;
         let c = &self.channels;
         let n = c[0].len();
         let (mut force_n, mut moment_nm) = (Vec::with_capacity(n), Vec::with_capacity(n));
@@ -170,7 +170,7 @@ mod tests {
     fn plates_point_down_and_see_their_load() {
         let [left, right] = PlateGeometry::pair();
         for (plate, y) in [(&left, 0.205), (&right, -0.205)] {
-            assert!((plate.center() - Vector3::new(0.0, y, 0.0)).norm() < 1e-12);
+            assert!((plate.centre() - Vector3::new(0.0, y, 0.0)).norm() < 1e-12);
             let axes = plate.world_from_plate();
             assert!((axes - Matrix3::new(0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0)).norm() < 1e-12);
             let mut w = Wrench::default();

@@ -192,7 +192,7 @@ impl FormulaLaw {
             Some(link) => {
                 (now.state.point_in_world(link, &self.point), now.state.point_velocity_in_world(link, &self.point))
             }
-            None => (now.state.center_of_mass(now.phi).1, now.state.center_of_mass_velocity(now.phi)),
+            None => (now.state.centre_of_mass(now.phi).1, now.state.centre_of_mass_velocity(now.phi)),
         };
         let rotation = now.state.world_from_link[link].rotation;
         Carrier { at, velocity, rotation, omega: omega(now.state, link) }

@@ -341,7 +341,8 @@ pub enum Estimator {
     /// Least squares with the body mass known.
     MassConstrained,
     /// Least squares with the body mass known and the anthropometric prior.
-    Regularized,
+    #[serde(alias = "regularized")]
+    Regularised,
 }
 
 section! {

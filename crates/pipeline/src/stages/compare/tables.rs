@@ -26,7 +26,7 @@ pub(super) fn series_table(s: &TrialSeries, comparison: &Comparison) -> Table {
 /// lever of 0.1 m; in contact over those of trials held out.
 pub(super) fn windows_table(s: &TrialSeries, comparison: &Comparison) -> Table {
     let mut table = Table::default();
-    table.push("center_s", s.windows.iter().map(|w| w.center_s).collect());
+    table.push("centre_s", s.windows.iter().map(|w| w.centre_s).collect());
     table.push("in_flight", s.windows.iter().map(|w| f64::from(u8::from(w.in_flight))).collect());
     for (m, model) in comparison.models().enumerate() {
         for (i, name) in COMPONENTS.iter().enumerate() {

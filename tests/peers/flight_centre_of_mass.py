@@ -1,6 +1,6 @@
 """Golden for crates/flight: true centre of mass of simulated jumps, frame by frame (m, five decimals of a millimetre kept).
 
-usage: python flight_center_of_mass.py DATA_FOLDER OUT_FOLDER
+usage: python flight_centre_of_mass.py DATA_FOLDER OUT_FOLDER
 DATA_FOLDER holds subject_a/truth; writes subject_a_jumpNN_com.csv with columns x, y, z.
 """
 

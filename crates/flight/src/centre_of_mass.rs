@@ -14,7 +14,7 @@ use std::ops::Range;
 
 /// Centre of mass per frame, with the data needed to correct it.
 #[derive(Clone)]
-pub(crate) struct CenterOfMass {
+pub(crate) struct CentreOfMass {
     /// Position, m, world frame; NaN where the frame was not solved.
     pub position_m: Vec<Vector3<f64>>,
     /// `rotations[frame * n_links + link]`, world from link.
@@ -25,7 +25,7 @@ pub(crate) struct CenterOfMass {
     link_mass_kg: Vec<f64>,
 }
 
-impl CenterOfMass {
+impl CentreOfMass {
     /// Computes the centre of mass along a motion from given inertias.
     pub(crate) fn new(model: &Model, phi: &[Phi], motion: &Motion) -> Result<Self, FlightError> {
         if motion.nq != model.nq || phi.len() != model.n_links() {
@@ -46,7 +46,7 @@ impl CenterOfMass {
         for frame in 0..n_frames {
             if motion.is_valid(frame) {
                 state.forward_position(model, motion.q(frame));
-                position_m.push(state.center_of_mass(phi).1);
+                position_m.push(state.centre_of_mass(phi).1);
                 rotations.extend((0..n_links).map(|link| *state.rotation(link)));
             } else {
                 position_m.push(Vector3::repeat(f64::NAN));
@@ -134,8 +134,8 @@ impl CenterOfMass {
 /// Orthonormal columns that span 1, t, t² on the frames (Gram-Schmidt, twice for rounding).
 fn parabola_basis(frames: &[usize], rate_hz: f64) -> DMatrix<f64> {
     let n = frames.len();
-    let center = frames.iter().sum::<usize>() as f64 / n as f64;
-    let mut basis = DMatrix::<f64>::from_fn(n, 3, |row, k| ((frames[row] as f64 - center) / rate_hz).powi(k as i32));
+    let centre = frames.iter().sum::<usize>() as f64 / n as f64;
+    let mut basis = DMatrix::<f64>::from_fn(n, 3, |row, k| ((frames[row] as f64 - centre) / rate_hz).powi(k as i32));
     for column in 0..3 {
         for _ in 0..2 {
             for other in 0..column {
