@@ -22,7 +22,7 @@ use aloft_identify::Parameters;
 use aloft_pipeline::stages::compare::{self as stage, ComparedTrial, Floor, HeldOut};
 use aloft_pipeline::stages::identify::{PointEstimate, Predicting};
 use aloft_pipeline::trial_rows::TrialRows;
-use aloft_regressor::{Factor, StretchKind};
+use aloft_regressor::{Factor, StretchKind, limits};
 use aloft_study::config::Rows;
 use aloft_study::effects::{KnownEffects, OwnEffect};
 use aloft_study::revision::ModelEffect;
@@ -526,7 +526,7 @@ fn against(
         held_out_moment_nm: Some(moment_nm),
         windows,
         floor,
-        times_floor: floor.map(|f| held_out_error / f.noise_floor).filter(|t| t.is_finite()),
-        at_floor: floor.and_then(|f| f.ci95).map(|[_, most]| held_out_error <= most),
+        times_floor: floor.and_then(|f| limits::times_floor(held_out_error, f.noise_floor, f.ci95)),
+        at_floor: floor.and_then(|f| limits::at_floor(held_out_error, f.noise_floor, f.ci95)),
     })
 }

@@ -12,6 +12,7 @@ use crate::{
     Body, Candidate, CompareError, CompareOptions, FlightErrors, Floor, Group, NoiseFloor, RecordingOffset,
     SegmentShare, Smooth, TrialInput, TrialSeries, WindowErrors, WrenchErrors,
 };
+use aloft_regressor::limits::{at_floor, times_floor};
 use aloft_signal::LowPass;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -155,7 +156,7 @@ pub struct AgainstFloor {
     pub windows: usize,
     /// Error that a perfect model would leave; none if it was not estimated.
     pub floor: Option<Floor>,
-    /// Held-out error over floor.
+    /// Held-out error over floor; none where the floor is known too roughly to judge the error.
     pub times_floor: Option<f64>,
     /// True if a perfect model could have left as much: the error is not above the floor's
     /// interval.
@@ -172,8 +173,8 @@ impl AgainstFloor {
             held_out_moment_nm: Some(errors.moment_nm.norm_rms()),
             windows: errors.windows,
             floor,
-            times_floor: floor.map(|f| held_out_error / f.noise_floor).filter(|t| t.is_finite()),
-            at_floor: floor.and_then(|f| f.ci95).map(|[_, most]| held_out_error <= most),
+            times_floor: floor.and_then(|f| times_floor(held_out_error, f.noise_floor, f.ci95)),
+            at_floor: floor.and_then(|f| at_floor(held_out_error, f.noise_floor, f.ci95)),
         })
     }
     /// Both kinds of motion, where there are windows.

@@ -45,7 +45,7 @@ mod segments;
 mod windows;
 mod wording;
 
-pub use aloft_regressor::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR};
+pub use aloft_regressor::{FAIR_TIMES_FLOOR, FLOOR_KNOWN_WITHIN, POOR_TIMES_FLOOR};
 pub use breakdown::{Group, GroupFloor, GroupedBy};
 pub use comparison::{
     AgainstFloor, AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, WorstPlace, compare,

@@ -200,12 +200,20 @@ pub(crate) fn conclude(
     if has_flights && !options.closed && options.only.is_empty() {
         look_beyond(session, accepted, effects, &kept, &left, &mut out, until, options);
     }
+    // an error within the interval of a floor that is hardly known may hold anything
+    let undecided = standing.filter(|s| out.verdict == Verdict::NothingMissing && s.is_undecided());
+    if undecided.is_some() {
+        out.verdict = Verdict::NotDetectable;
+    }
     out.words = if lost && far.is_none() {
         "unexplained: the effects that a round named were dropped again beside those found later, so none is named"
             .to_owned()
     } else {
         wording::answer(&out, far)
     };
+    if let Some(s) = undecided {
+        out.words = wording::undecided(&out, &s);
+    }
     if let Some(open) = &out.open {
         out.words = wording::with_open(&out, open, far.is_some());
     }

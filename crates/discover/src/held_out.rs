@@ -1,5 +1,6 @@
 //! Held-out error and noise floor from a comparison, and the limits of their ratio.
 
+use aloft_regressor::limits::is_undecided;
 use aloft_regressor::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR};
 
 /// Ratio of error to floor that counts as at the floor where the interval of the floor is narrower.
@@ -33,6 +34,11 @@ impl HeldOutResult {
     /// interval.
     pub(crate) fn reached_by(&self, error_n: f64) -> bool {
         self.noise_floor > 0.0 && self.noise_floor_ci95.is_some_and(|ci| error_n <= ci[1])
+    }
+
+    /// True if the floor is known too roughly to say whether the error is at it.
+    pub(crate) fn is_undecided(&self) -> bool {
+        is_undecided(self.held_out_error, self.noise_floor, self.noise_floor_ci95)
     }
 
     /// Share of the error above the floor, mean square, that `after` leaves of this error; zero

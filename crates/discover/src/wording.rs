@@ -128,6 +128,18 @@ fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
     }
 }
 
+/// The result where no effect convinces and the floor is known too roughly to say that nothing is
+/// missing.
+pub(crate) fn undecided(d: &Discovery, standing: &HeldOutResult) -> String {
+    let [low, high] = standing.noise_floor_ci95.unwrap_or([f64::NAN; 2]).map(|n| digits(n, 3));
+    let best = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
+        format!("; the best candidate, `{}`, leaves {:.1} % of the held-out error", c.key, 100.0 * c.held_out_ratio)
+    });
+    format!(
+        "not detectable: the noise floor of these recordings is known only between {low} and {high} N, too roughly to say that nothing is missing{best}"
+    )
+}
+
 /// The result in words; `far` is the domain in which the error is farthest above the noise floor,
 /// if any.
 pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> String {

@@ -15,7 +15,7 @@ mod error;
 pub mod factor;
 #[cfg(test)]
 mod four_joints;
-mod limits;
+pub mod limits;
 pub mod noise;
 pub mod stretch;
 pub mod test_function;
@@ -29,7 +29,7 @@ pub use acceleration::{AccelerationOptions, AccelerationRows, acceleration_facto
 pub use body_windows::{BodyWindows, body_windows};
 pub use error::RegressorError;
 pub use factor::{Columns, Factor, RowKind, leave_group_out, leave_one_out};
-pub use limits::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR};
+pub use limits::{FAIR_TIMES_FLOOR, FLOOR_KNOWN_WITHIN, POOR_TIMES_FLOOR};
 pub use noise::{CoordinateNoise, Noise};
 pub use stretch::{Acting, EffectColumns, Stretch, StretchKind};
 pub use test_function::TestFunction;

@@ -81,11 +81,11 @@ fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceE
     };
     let place = &first.place;
     let Some(ratio) = first.ratio else {
-        return format!(
-            "{} errs by {} N in {place}; its noise floor is not known.",
-            held(story),
-            number(first.error_n)
+        let known = first.interval_n.map_or_else(
+            || "is not known".to_owned(),
+            |[a, b]| format!("is known only between {} and {} N, too roughly to judge it", number(a), number(b)),
         );
+        return format!("{} errs by {} N in {place}; its noise floor {known}.", held(story), number(first.error_n));
     };
     // the other kind of motion is told of where the model is worse there
     let worse = other.filter(|o| o.light() > first.light()).and_then(|o| Some((o.place.clone(), o.ratio?)));

@@ -9,7 +9,7 @@ use aloft_analysis::effect::{Asked, history};
 use aloft_analysis::freshness::freshness;
 use aloft_analysis::switch_kernel::{KernelWindows, SwitchKernel};
 use aloft_analysis::switches::{Switch, Switches};
-use aloft_compare::{FAIR_TIMES_FLOOR, Floor, POOR_TIMES_FLOOR};
+use aloft_compare::{FAIR_TIMES_FLOOR, FLOOR_KNOWN_WITHIN, Floor, POOR_TIMES_FLOOR};
 use aloft_discover::Verdict;
 use aloft_identify::RotatedRows;
 use aloft_page::pack;
@@ -140,7 +140,7 @@ fn packed(k: &SwitchKernel) -> Value {
         "present": k.present, "base": k.base, "all": rows(&k.all, !k.base.is_empty(), 6),
         "trials": trials.collect::<Vec<_>>(), "flight_floor": floor(&k.flight_floor),
         "contact_floor": floor(&k.contact_floor), "weight_n": k.weight_n, "gate": k.gate,
-        "limits": {"fair": FAIR_TIMES_FLOOR, "poor": POOR_TIMES_FLOOR},
+        "limits": {"fair": FAIR_TIMES_FLOOR, "poor": POOR_TIMES_FLOOR, "known": FLOOR_KNOWN_WITHIN},
     })
 }
 

@@ -2,6 +2,7 @@
 //! earlier ones are kept.
 
 use crate::config::CorrectionsConfig;
+use aloft_regressor::limits;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::seal;
 use serde::{Deserialize, Serialize};
@@ -158,11 +159,11 @@ pub struct Judged {
 impl Judged {
     /// Error divided by the noise floor.
     pub fn times_floor(&self) -> Option<f64> {
-        self.noise_n.map(|n| self.error_n / n).filter(|t| t.is_finite())
+        limits::times_floor(self.error_n, self.noise_n?, self.noise_ci95)
     }
     /// True if a perfect model could have left an error this large.
     pub fn at_floor(&self) -> Option<bool> {
-        self.noise_ci95.map(|[_, most]| self.error_n <= most)
+        limits::at_floor(self.error_n, self.noise_n?, self.noise_ci95)
     }
     /// Share of the mean square error that noise does not explain.
     pub fn explainable(&self) -> Option<f64> {

@@ -92,3 +92,16 @@ fn one() -> f64 {
 fn yes() -> bool {
     true
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_former_spelling_of_joint_centres_is_read() {
+        let text = r#"{"label": "R", "link": "pelvis", "landmark": "hip_center_r"}"#;
+        let marker: MarkerDefinition = serde_yaml::from_str(text).unwrap();
+        assert_eq!(marker.landmark.as_deref(), Some("hip_centre_r"));
+    }
+}

@@ -177,7 +177,10 @@ const Kernel = (() => {
     return !gate && word === "good" ? "fair" : word;
   };
   const against = (k, place, error, windows, floor) => {
-    const times = floor ? error / floor.noise_floor : null, at = floor?.ci95 ? error <= floor.ci95[1] : null;
+    // a floor that is known too roughly does not judge an error within its interval
+    const most = floor?.ci95?.[1] ?? null;
+    const undecided = most !== null && error <= most && most > k.limits.known * floor.noise_floor;
+    const times = floor && !undecided ? error / floor.noise_floor : null, at = most !== null && !undecided ? error <= most : null;
     return { judged_on: place, held_out_error: error, windows, noise_floor: floor?.noise_floor ?? null, noise_floor_ci95: floor?.ci95 ?? null, times_floor: times, at_floor: at, signal: signal(k.limits, times, at, k.gate) };
   };
 
