@@ -155,3 +155,22 @@ fn a_recording_tells_what_a_low_pass_would_take_away() {
     let (out, _) = expect(&["inspect", &file], 0);
     assert!(out.contains("residual, mm") && out.contains("cut-off, Hz"), "{out}");
 }
+
+/// A session of many recordings, of which rivals are compared on some: what acts in all recordings
+/// and what acts in four of them are both named.
+#[test]
+fn effects_are_named_among_many_recordings() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/chain_many.yaml", dir.path()).display().to_string();
+    let ws = dir.path().join("ws").display().to_string();
+    let words = [&repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &ws];
+    expect(&[&["run"], &words[..]].concat(), 0);
+    let found = json(&[&["discover"], &words[..], &["--json", "--closed"]].concat());
+    let found: Vec<(&str, usize)> = found["found"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|f| (f["key"].as_str().unwrap(), f["trials"].as_array().map_or(0, Vec::len)))
+        .collect();
+    assert_eq!(found, [("quadratic_drag[links]", 0), ("payload[link0]", 4)]);
+}

@@ -22,6 +22,9 @@ use rayon::prelude::*;
 
 /// Number of directions in which the rival is added again.
 const DRAWS: usize = 7;
+/// Most clusters in which advantages are formed: each draw fits both effects again in every fold,
+/// a time that grows with the square of their number.
+const MOST_CLUSTERS: usize = 30;
 /// Number of standard deviations by which the advantage has to exceed those of the draws.
 const BEYOND: f64 = 2.0;
 /// The same for an advantage that is too small; stricter, so that a true effect is rarely rejected.
@@ -58,8 +61,17 @@ pub(crate) fn exchange(
     truth: &Scored<'_>,
     seed: u64,
 ) -> Option<Exchange> {
-    let fitted = truth.variant.columns(session, problem)?;
-    let signal: Vec<DVector<f64>> = fitted.iter().map(|c| c * &truth.theta).collect();
+    let mut fitted = truth.variant.columns(session, problem)?;
+    let mut signal: Vec<DVector<f64>> = fitted.iter().map(|c| c * &truth.theta).collect();
+    let thinned = thin(session, problem, &signal);
+    let (session, problem) = match &thinned {
+        Some((session, problem, kept)) => {
+            fitted = kept.iter().map(|&g| std::mem::take(&mut fitted[g])).collect();
+            signal = kept.iter().map(|&g| std::mem::take(&mut signal[g])).collect();
+            (session, problem)
+        }
+        None => (session, problem),
+    };
     let without = problem.shifted(&signal.iter().map(|s| -s).collect::<Vec<_>>());
     let residual: Vec<DVector<f64>> = (0..signal.len()).map(|g| without.residual(g)).collect();
     let draws: Vec<f64> = (0..DRAWS)
@@ -101,6 +113,30 @@ pub(crate) fn exchange(
     let least = draws.iter().copied().fold(f64::INFINITY, f64::min);
     let most = draws.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     Some(Exchange { mean, sd, least, most })
+}
+
+/// Every so many-th cluster of a large session, alike among those in which the effect acts and the
+/// others. The advantages are then those of fewer recordings: they scatter more, so that fewer
+/// rivals are told apart. `None` for sessions of at most [`MOST_CLUSTERS`].
+fn thin<'a>(
+    session: &Session<'a>,
+    problem: &Problem,
+    signal: &[DVector<f64>],
+) -> Option<(Session<'a>, Problem, Vec<usize>)> {
+    let step = problem.clusters.len().div_ceil(MOST_CLUSTERS);
+    if step < 2 {
+        return None;
+    }
+    let (with, without): (Vec<usize>, Vec<usize>) =
+        (0..signal.len()).partition(|&g| signal[g].iter().any(|x| *x != 0.0));
+    let mut kept: Vec<usize> = [with, without].iter().flat_map(|part| part.iter().copied().step_by(step)).collect();
+    kept.sort_unstable();
+    let problem = problem.with_clusters(&kept).ok()?;
+    let mut rows = vec![false; session.blocks.len()];
+    for &block in problem.clusters.iter().flat_map(|c| &c.blocks) {
+        rows[block] = true;
+    }
+    Some((session.with_rows_of(&rows), problem, kept))
 }
 
 /// Multiple of its size at which an effect without a direction is added in a draw; of either sign

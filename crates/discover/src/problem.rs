@@ -49,6 +49,8 @@ pub(crate) struct Problem {
     pub domain: Domain,
     pub clusters: Vec<Cluster>,
     cholesky: Cholesky<f64, Dyn>,
+    /// Squares added to the diagonal of the Gram matrix: the prior's rows.
+    ridge: DVector<f64>,
     solution: DVector<f64>,
     right: DVector<f64>,
     pub folds: Vec<Fold>,
@@ -185,10 +187,6 @@ impl Problem {
                 |i, _| if has_prior && i < p - 1 { (prior_weight * variance).max(floor) } else { floor },
             )
         };
-        let factor = |gram: &DMatrix<f64>, ridge: &DVector<f64>| {
-            Cholesky::new(gram + DMatrix::from_diagonal(ridge))
-                .ok_or_else(|| DiscoverError::Numeric("the rows do not determine the parameters".to_owned()))
-        };
         let mut cholesky = factor(&gram, &ridge(variance))?;
         let mut solution = cholesky.solve(&right);
         for _ in 0..if has_prior && given.is_none() { 4 } else { 0 } {
@@ -204,19 +202,33 @@ impl Problem {
         parameters.rows_mut(1, p - 1).copy_from(&(&mean + &root * solution.rows(0, p - 1)));
         let squares: f64 = clusters.iter().map(|c| c.b.norm_squared()).sum();
         let rss = squares - right.dot(&solution);
-        let folds = clusters
-            .par_iter()
-            .map(|c| {
-                let cholesky = factor(&(&gram - &c.gram), &ridge)?;
-                let rest = &right - &c.right;
-                let x = cholesky.solve(&rest);
-                let train = squares - c.b.norm_squared() - rest.dot(&x);
-                let all = &c.b - &c.a * x;
-                let test = DVector::from_fn(c.judged.len(), |i, _| all[c.judged[i]]);
-                Ok(Fold { cholesky, error: test.norm_squared(), test, train })
-            })
-            .collect::<Result<Vec<Fold>, DiscoverError>>()?;
-        Ok(Self { domain, clusters, cholesky, solution, right, folds, rss, n_judged, parameters, variance })
+        let folds = folds_of(&clusters, &gram, &right, &ridge)?;
+        Ok(Self { domain, clusters, cholesky, ridge, solution, right, folds, rss, n_judged, parameters, variance })
+    }
+
+    /// The rows of some clusters only, with the same prior. The parameters stay those of all rows.
+    pub fn with_clusters(&self, kept: &[usize]) -> Result<Self, DiscoverError> {
+        let clusters: Vec<Cluster> = kept.iter().map(|&g| self.clusters[g].clone()).collect();
+        let m = self.right.len();
+        let gram = clusters.iter().fold(DMatrix::zeros(m, m), |s, c| s + &c.gram);
+        let right = clusters.iter().fold(DVector::zeros(m), |s, c| s + &c.right);
+        let cholesky = factor(&gram, &self.ridge)?;
+        let solution = cholesky.solve(&right);
+        let squares: f64 = clusters.iter().map(|c| c.b.norm_squared()).sum();
+        let folds = folds_of(&clusters, &gram, &right, &self.ridge)?;
+        Ok(Self {
+            domain: self.domain,
+            n_judged: clusters.iter().map(|c| c.judged.len()).sum(),
+            rss: squares - right.dot(&solution),
+            cholesky,
+            ridge: self.ridge.clone(),
+            solution,
+            right,
+            folds,
+            clusters,
+            parameters: self.parameters.clone(),
+            variance: self.variance,
+        })
     }
 
     /// Held-out mean square of the model without a candidate.
@@ -251,6 +263,7 @@ impl Problem {
             domain: self.domain,
             clusters,
             cholesky: self.cholesky.clone(),
+            ridge: self.ridge.clone(),
             solution,
             right,
             folds,
@@ -403,6 +416,35 @@ impl Problem {
         let ar = self.clusters.iter().zip(&residuals).map(|(c, r)| c.a.tr_mul(r)).collect();
         FlipParts { problem: self, residuals, ar }
     }
+}
+
+/// Factor of a Gram matrix with the prior's rows.
+fn factor(gram: &DMatrix<f64>, ridge: &DVector<f64>) -> Result<Cholesky<f64, Dyn>, DiscoverError> {
+    Cholesky::new(gram + DMatrix::from_diagonal(ridge))
+        .ok_or_else(|| DiscoverError::Numeric("the rows do not determine the parameters".to_owned()))
+}
+
+/// One fold for each cluster: the fit to the others, and its error on the one left out. `gram` and
+/// `right` are sums over all clusters.
+fn folds_of(
+    clusters: &[Cluster],
+    gram: &DMatrix<f64>,
+    right: &DVector<f64>,
+    ridge: &DVector<f64>,
+) -> Result<Vec<Fold>, DiscoverError> {
+    let squares: f64 = clusters.iter().map(|c| c.b.norm_squared()).sum();
+    clusters
+        .par_iter()
+        .map(|c| {
+            let cholesky = factor(&(gram - &c.gram), ridge)?;
+            let rest = right - &c.right;
+            let x = cholesky.solve(&rest);
+            let train = squares - c.b.norm_squared() - rest.dot(&x);
+            let all = &c.b - &c.a * x;
+            let test = DVector::from_fn(c.judged.len(), |i, _| all[c.judged[i]]);
+            Ok(Fold { cholesky, error: test.norm_squared(), test, train })
+        })
+        .collect()
 }
 
 /// Residuals by cluster, prepared for sign flips.

@@ -17,6 +17,7 @@ use aloft_regressor::weak_windows::{Origin, WeakRows, force_scale_n};
 use aloft_regressor::{Acting, RegressorError, Stretch, StretchKind, WeakOptions, weak_rows};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// One trial as delivered by the earlier stages.
 #[derive(Debug, Clone, Copy)]
@@ -84,7 +85,7 @@ struct Windows {
 pub struct Session<'a> {
     pub(crate) scene: &'a Scene,
     /// Series of every trial: flights, contact.
-    pub(crate) series: Vec<[Series<'a>; 2]>,
+    pub(crate) series: Arc<Vec<[Series<'a>; 2]>>,
     pub(crate) blocks: Vec<Block>,
     pub(crate) trials: Vec<String>,
     pub(crate) groups: Vec<Option<String>>,
@@ -183,7 +184,7 @@ impl<'a> Session<'a> {
         let force_n = force_scale_n(body.phi.iter().map(|p| p[0]).sum(), scene.gravity());
         let mut out = Self {
             scene,
-            series,
+            series: Arc::new(series),
             blocks,
             trials: trials.iter().map(|t| t.motion.trial.clone()).collect(),
             groups: trials.iter().map(|t| t.group.map(str::to_owned)).collect(),
@@ -202,7 +203,7 @@ impl<'a> Session<'a> {
         let flying = out.blocks.iter().any(|b| b.kind == StretchKind::Flight);
         let domain = if flying { Domain::Flight } else { Domain::Contact };
         if let Ok(problem) = Problem::new(&out, domain, &[], usize::MAX, 1.0) {
-            for series in out.series.iter_mut().flatten() {
+            for series in Arc::make_mut(&mut out.series).iter_mut().flatten() {
                 series.set_centre_of_mass(body.base, problem.parameters.as_slice());
             }
         }
@@ -286,7 +287,8 @@ impl<'a> Session<'a> {
         let mut made = Columns::zeros(0, k);
         for (trial, pair) in self.series.iter().enumerate().filter(|_| wrench) {
             for (of, series) in pair.iter().enumerate() {
-                let its = |b: &Block| b.trial == trial && usize::from(b.kind != StretchKind::Flight) == of;
+                let its =
+                    |b: &Block| b.trial == trial && usize::from(b.kind != StretchKind::Flight) == of && b.y.nrows() > 0;
                 if (of == 1 && domain != Domain::Contact) || !self.blocks.iter().any(its) {
                     continue;
                 }
@@ -303,6 +305,23 @@ impl<'a> Session<'a> {
             }
         }
         Some(out)
+    }
+
+    /// The session with the rows of some blocks only; the others keep their places, without rows.
+    pub(crate) fn with_rows_of(&self, kept: &[bool]) -> Self {
+        let blocks = self.blocks.iter().zip(kept).map(|(b, keep)| if *keep { b.clone() } else { b.without_rows() });
+        Self {
+            blocks: blocks.collect(),
+            series: Arc::clone(&self.series),
+            trials: self.trials.clone(),
+            groups: self.groups.clone(),
+            from_full: self.from_full.clone(),
+            prior: self.prior.clone(),
+            warnings: Vec::new(),
+            counter: self.counter.clone(),
+            by_stages: self.by_stages.clone(),
+            ..*self
+        }
     }
 
     /// Rows that a choice adds to each block, zero in trials in which it does not act. An effect
@@ -361,6 +380,12 @@ impl Block {
                 moment_weight: force_weight / moment_length_m,
             },
         }
+    }
+
+    fn without_rows(&self) -> Self {
+        let windows = Windows { centres: Vec::new(), origin: Vec::new(), psi: Vec::new(), ..self.windows };
+        let (y, w) = (DMatrix::zeros(0, self.y.ncols()), DVector::zeros(0));
+        Self { y, w, n_rows: 0, windows, ..*self }
     }
 
     /// True for force rows: weak rows come in sixes, force first.
