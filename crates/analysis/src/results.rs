@@ -3,6 +3,7 @@
 
 use aloft_pipeline::made::as_made;
 use aloft_pipeline::results::Results;
+use aloft_pipeline::stages::STAGES;
 use aloft_study::calendar::Calendar;
 use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
@@ -44,13 +45,10 @@ pub(crate) fn with_results<T>(
 ) -> Result<T, PipelineError> {
     let session = &as_made(session);
     let ws = Workspace::open(&session.workspace);
-    for trial in session.included() {
-        for stage in ["import", "ik", "filter", "flight", "regressor", "acceleration"] {
-            refuse_damaged(&ws, stage, &trial.name)?;
+    for stage in STAGES {
+        for trial in stage.tasks(session) {
+            refuse_damaged(&ws, stage.name, trial.map_or(WHOLE_STUDY, |t| t.name.as_str()))?;
         }
-    }
-    for stage in ["scale", "calibrate", "identify"] {
-        refuse_damaged(&ws, stage, WHOLE_STUDY)?;
     }
     let trials: Vec<(String, Role)> = session
         .included()

@@ -40,6 +40,20 @@ pub enum Need {
     EveryOrStaticFrames(&'static str, &'static [Role]),
 }
 
+impl Need {
+    /// The stage whose results are read; none for recordings.
+    pub fn stage(&self) -> Option<&'static str> {
+        match self {
+            Self::Recording => None,
+            Self::Same(name)
+            | Self::Once(name)
+            | Self::Every(name, _)
+            | Self::Merged(name, _)
+            | Self::EveryOrStaticFrames(name, _) => Some(name),
+        }
+    }
+}
+
 /// What a stage returns besides its files.
 #[derive(Debug, Clone, Default)]
 pub struct StageReport {

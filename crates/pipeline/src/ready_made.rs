@@ -8,11 +8,11 @@
 //! Their files are links to those in place, where the file system has links: results are replaced
 //! as a whole and never changed in place.
 
-use crate::graph::{self, Stage};
+use crate::graph::{Need, Stage};
 use crate::run_report::{Ended, TaskReport};
 use crate::stages::STAGES;
 use crate::task::Task;
-use aloft_study::subject_session::SubjectSession;
+use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::disk;
 use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
 use aloft_workspace::workspace::{Complete, Workspace};
@@ -60,13 +60,11 @@ pub fn keep(session: &SubjectSession, made: &Workspace, workspace: &Workspace, c
     let into = Workspace::open(&workspace.root().join(cache));
     let _ = into.clear_abandoned();
     let own = made.root() == workspace.root();
-    for stage in STAGES.iter() {
+    let follow = follow_effects(session);
+    for stage in STAGES.iter().filter(|s| follow.contains(&s.name)) {
         for trial in stage.tasks(session) {
             let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
             let Some(manifest) = made.manifest(stage.name, name).filter(Manifest::is_ok) else { continue };
-            if manifest.parameters.get("effects").is_none() && !follows_effects(stage) {
-                continue;
-            }
             if !own && workspace.manifest(stage.name, name).is_some_and(|m| same(&m, &manifest)) {
                 continue;
             }
@@ -96,17 +94,19 @@ impl<'a> Replacing<'a> {
     }
 }
 
-/// True for stages whose inputs depend on the effects of the model.
-fn follows_effects(stage: &Stage) -> bool {
-    use graph::Need;
-    stage.needs.iter().any(|need| match need {
-        Need::Recording => false,
-        Need::Same(name)
-        | Need::Once(name)
-        | Need::Every(name, _)
-        | Need::Merged(name, _)
-        | Need::EveryOrStaticFrames(name, _) => matches!(*name, "regressor" | "acceleration" | "identify"),
-    })
+/// Stages whose results depend on the effects of the model: those whose parameters hold them, and
+/// those that read a result of such a stage.
+fn follow_effects(session: &SubjectSession) -> Vec<&'static str> {
+    let mut out: Vec<&'static str> = Vec::new();
+    // a stage stands after those that it reads
+    for stage in STAGES {
+        let holds = |t: &Option<&TrialEntry>| (stage.parameters)(session, *t).get("effects").is_some();
+        let reads = stage.needs.iter().filter_map(Need::stage).any(|name| out.contains(&name));
+        if reads || stage.tasks(session).iter().any(holds) {
+            out.push(stage.name);
+        }
+    }
+    out
 }
 
 /// A task's result from a cache; none if no cache holds the one that the stage would compute.

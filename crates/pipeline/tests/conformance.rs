@@ -19,16 +19,9 @@ fn stages_read_only_what_stands_before_them() {
     for (i, stage) in STAGES.iter().enumerate() {
         assert!(STAGES[..i].iter().all(|s| s.name != stage.name), "{} twice", stage.name);
         for need in stage.needs {
-            let name = match need {
-                Need::Recording => continue,
-                Need::Same(n)
-                | Need::Once(n)
-                | Need::Every(n, _)
-                | Need::Merged(n, _)
-                | Need::EveryOrStaticFrames(n, _) => n,
-            };
+            let Some(name) = need.stage() else { continue };
             assert!(
-                STAGES[..i].iter().any(|s| s.name == *name),
+                STAGES[..i].iter().any(|s| s.name == name),
                 "{} reads {name}, which does not stand before it",
                 stage.name
             );
@@ -112,12 +105,8 @@ fn a_new_cut_off_leaves_weak_rows_and_what_they_need_alone() {
     while at < needed.len() {
         let stage = STAGES.iter().find(|s| s.name == needed[at]).unwrap();
         for need in stage.needs {
-            if let Need::Same(n)
-            | Need::Once(n)
-            | Need::Every(n, _)
-            | Need::Merged(n, _)
-            | Need::EveryOrStaticFrames(n, _) = need
-                && !needed.contains(n)
+            if let Some(n) = need.stage()
+                && !needed.contains(&n)
             {
                 needed.push(n);
             }
