@@ -169,7 +169,7 @@ fn pictures_are_small_and_shown() {
     let mut n = 0;
     for entry in std::fs::read_dir(docs().join("pictures")).unwrap() {
         let path = entry.unwrap().path();
-        if path.extension().is_some_and(|e| e == "svg" || e == "png") {
+        if path.extension().is_some_and(|e| e == "svg" || e == "png" || e == "webp") {
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
             assert!(path.metadata().unwrap().len() < 150_000, "docs/pictures/{name} is larger than 150 kB");
             assert!(text.contains(&format!("pictures/{name})")), "no page shows docs/pictures/{name}");

@@ -48,8 +48,8 @@ def until(page, expression, seconds=30):
 
 
 class Server:
-    def __init__(self, words):
-        self.process = subprocess.Popen(words + ["--no-open"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    def __init__(self, words, cwd=None):
+        self.process = subprocess.Popen(words + ["--no-open"], cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         self.address = self.process.stdout.readline().strip()
         self.base, self.token = self.address.split("/?token=")
 
@@ -187,7 +187,7 @@ def main():
         noted = len(errors)
         server.kill()
         until(page, "!document.getElementById('studio-problem').hidden", 30)
-        check("does not answer" in page.locator("#studio-problem").inner_text(), "a killed server is noticed")
+        check("No connection" in page.locator("#studio-problem").inner_text(), "a killed server is noticed")
         port = server.base.rsplit(":", 1)[1]
         server = Server([args.aloft, "studio", *words, "--port", port])
         until(page, "document.getElementById('studio-problem').textContent.includes('started again')", 60)

@@ -208,3 +208,63 @@ fn switches_show_what_the_commands_say() {
     near(ladder["revisions"][2]["held_out_error"].as_f64().unwrap(), flight(&start["errors"]), 1e-9);
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "no copy is left behind");
 }
+
+#[test]
+fn two_subjects_of_a_study_stand_side_by_side_as_in_its_report() {
+    let dir = folder();
+    let data = dir.path().join("data");
+    for (subject, from) in [("bar_a", "fixtures/demo"), ("bar_b", "fixtures/demo_twin")] {
+        std::fs::create_dir_all(data.join(subject)).unwrap();
+        for file in std::fs::read_dir(repo(from)).unwrap().map(|f| f.unwrap().path()) {
+            if file.is_file() {
+                std::fs::copy(&file, data.join(subject).join(file.file_name().unwrap())).unwrap();
+            }
+        }
+    }
+    let file = dir.path().join("study.yaml");
+    let text = "name: bars\nmodel: two_link\nmarker_set: two-link-chain\nobject: two_link_chain\n\
+                subjects: {folders: [\"bar_*\"]}\n\
+                trials: {static: [\"static.c3d\"], calibration: [\"hinge_calib.c3d\"], identify: [\"throws_*.c3d\"], validate: []}\n\
+                filter: {order: 3, cutoff_hz: 10.0}\n";
+    std::fs::write(&file, text).unwrap();
+    let ws = dir.path().join("ws");
+    let words = [file.to_str().unwrap(), "--data", data.to_str().unwrap(), "--workspace", ws.to_str().unwrap()];
+    expect(&[&["run"], &words[..]].concat(), 0);
+    expect(&[&["discover"], &words[..], &["--subject", "bar_a"]].concat(), 0);
+    expect(&[&["report"], &words[..]].concat(), 0);
+    let page = std::fs::read_to_string(ws.join("report.html")).unwrap();
+    // a study of several opens the first subject, a chosen one is opened
+    for (chosen, opened) in [(&[][..], "bar_a"), (&["--subject", "bar_b"][..], "bar_b")] {
+        let studio = Studio::start(&[&words[..], chosen].concat());
+        let state = studio.settled();
+        assert_eq!((&state["session"], &state["several_subjects"]), (&value!(opened), &value!(true)));
+        let found = studio.get("/api/subjects");
+        assert_eq!(found["without"], value!([]), "{found}");
+        let html = found["html"].as_str().unwrap().trim();
+        assert!(html.contains("bar_a") && html.contains("bar_b") && html.contains("held-out error in flight"));
+        assert!(page.contains(html), "the table is that of the report");
+    }
+    // the page over all subjects says which pages have switches, and judges as the commands do
+    assert!(
+        page.contains("none: <code>discover</code> was not run") && page.contains("all 1") || page.contains("all 2")
+    );
+    for subject in ["bar_a", "bar_b"] {
+        let compared = json(&[&["compare"], &words[..], &["--subject", subject, "--json"]].concat());
+        let (out, _) = expect(&[&["compare"], &words[..], &["--subject", subject]].concat(), 0);
+        let error = &compared["studies"][0]["result"]["errors"][0];
+        let signal = error["signal"].as_str().unwrap();
+        let word = if error["at_floor"] == true && signal == "good" { "at the floor" } else { signal };
+        assert!(out.contains(word), "{out}");
+        let (_, row) = page.split_once(&format!("<a href=\"{subject}&#x2f;report.html\">")).unwrap();
+        let (row, _) = row.split_once("</tr>").unwrap();
+        assert!(row.contains(&format!(">{word}</b>")), "`{word}` is not said of {subject}: {row}");
+    }
+
+    // a study of one subject has nothing to compare with
+    let one = dir.path().join("one");
+    let demo = repo("pipelines/demo.yaml");
+    expect(&["run", &demo, "--workspace", one.to_str().unwrap()], 0);
+    let studio = Studio::start(&[&demo, "--workspace", one.to_str().unwrap()]);
+    assert_eq!(studio.settled()["several_subjects"], false);
+    assert_eq!(studio.get("/api/subjects")["html"], Value::Null);
+}

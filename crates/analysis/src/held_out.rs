@@ -79,10 +79,10 @@ impl HeldOutError {
         }
     }
 
-    /// `4.4`, with `at the floor` where it is.
+    /// `4.4`, with the judgement where it is within the floor's interval: `1.1 (at the floor)`.
     pub fn ratio(&self) -> String {
         let times = self.times_floor.map_or("–".to_owned(), |t| aloft_compare::significant(t, 2));
-        if self.at_floor == Some(true) { format!("{times} (at the floor)") } else { times }
+        if self.at_floor == Some(true) { format!("{times} ({})", self.signal.in_words(self.at_floor)) } else { times }
     }
 }
 

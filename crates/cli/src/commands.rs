@@ -2,7 +2,7 @@
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
 use crate::each::{broken, each, each_result, each_step, fail, heading, notice};
-use crate::open::{description_of, open, open_all, opener};
+use crate::open::{description_of, open, open_all, openers};
 use crate::progress::{Bars, Counted, Waiting};
 use crate::render::{command, json, note, out, table};
 use crate::screen::Cell;
@@ -522,7 +522,8 @@ struct Written {
 
 /// Serves the live page until the process ends.
 fn studio(pipeline: &PipelineArgs, port: u16, no_open: bool) -> Result<Success, Stop> {
-    let server = aloft_studio::Server::bind(opener(pipeline)?, port)?;
+    let (open, open_set) = openers(pipeline)?;
+    let server = aloft_studio::Server::bind(open, open_set, port)?;
     let address = server.address();
     out(&address)?;
     note("the page is for this machine only; Ctrl-C ends it");

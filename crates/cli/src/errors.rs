@@ -14,13 +14,7 @@ pub fn figure(value: Option<f64>) -> String {
 
 /// Judgement in one or two words: `at the floor`, `fair`, `poor`.
 pub fn judgement(e: &HeldOutError) -> Cell {
-    let word = match (e.at_floor, e.signal) {
-        (None, Signal::Unknown) => "not judged",
-        (Some(true), Signal::Good) => "at the floor",
-        (Some(true), _) => "at the floor, from tables",
-        (_, signal) => signal.word(),
-    };
-    Cell::judged(word, e.signal)
+    Cell::judged(e.signal.in_words(e.at_floor), e.signal)
 }
 
 /// One row for each kind of motion.

@@ -21,12 +21,29 @@ pub fn open(args: &PipelineArgs) -> Result<SubjectSession, Stop> {
     Ok(open_all(args)?.only()?)
 }
 
-/// Opens the one study of a pipeline again and again; the first time here, so that its notes are
-/// shown once.
-pub fn opener(args: &PipelineArgs) -> Result<aloft_studio::Opener, Stop> {
-    open(args)?;
-    let args = args.clone();
-    Ok(Box::new(move || DataSet::open(&args.pipeline, &overrides(&args))?.only()))
+/// Opens one subject of a pipeline again and again, and the whole study if it has several; the first
+/// time here, so that its notes are shown once. Of several subjects of which none is chosen the
+/// first is opened.
+pub fn openers(args: &PipelineArgs) -> Result<(aloft_studio::Opener, Option<aloft_studio::SetOpener>), Stop> {
+    let set = open_all(args)?;
+    let (mut one, all) = (args.clone(), Overrides { subjects: Vec::new(), sessions: Vec::new(), ..overrides(args) });
+    if set.members.len() > 1
+        && let Some(first) = set.members.first()
+    {
+        one.subject = first.id.subject.iter().cloned().collect();
+        one.session = first.id.session.iter().cloned().collect();
+        note(format!(
+            "{} subjects or sessions; opened {}, another: --subject and --session",
+            set.members.len(),
+            first.id
+        ));
+    } else {
+        set.only()?;
+    }
+    let several = DataSet::open(&args.pipeline, &all)?.several;
+    let pipeline = args.pipeline.clone();
+    let open_set: aloft_studio::SetOpener = Box::new(move || DataSet::open(&pipeline, &all));
+    Ok((Box::new(move || DataSet::open(&one.pipeline, &overrides(&one))?.only()), several.then_some(open_set)))
 }
 
 /// All subjects and sessions selected on the command line.

@@ -38,6 +38,18 @@ impl Signal {
         if !passed && self == Self::Good { Self::Fair } else { self }
     }
 
+    /// Judgement of an error in words, the same on every surface: `at the floor`, `fair`, `poor`,
+    /// `not judged`.
+    pub fn in_words(self, at_floor: Option<bool>) -> &'static str {
+        match (self, at_floor) {
+            (Self::Unknown, _) => "not judged",
+            (Self::Good, Some(true)) => "at the floor",
+            // only a gate that did not pass makes an error at the floor fair
+            (Self::Fair, Some(true)) => "at the floor, from tables",
+            (signal, _) => signal.word(),
+        }
+    }
+
     /// Word in tables.
     pub fn word(self) -> &'static str {
         match self {
@@ -97,6 +109,16 @@ pub fn significant(value: f64, digits: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_word_is_stronger_than_the_signal() {
+        let gate_failed = Signal::of(Some(1.1), Some(true)).behind_gate(false);
+        assert_eq!(gate_failed.in_words(Some(true)), "at the floor, from tables");
+        assert_eq!(Signal::of(Some(1.1), Some(true)).in_words(Some(true)), "at the floor");
+        assert_eq!(Signal::of(Some(3.5), Some(true)).in_words(Some(true)), "poor", "within a wide interval");
+        assert_eq!(Signal::of(Some(1.6), Some(false)).in_words(Some(false)), "fair");
+        assert_eq!(Signal::of(None, None).in_words(None), "not judged");
+    }
 
     #[test]
     fn an_error_is_judged_by_its_floor_and_never_by_newtons() {

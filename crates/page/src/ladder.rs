@@ -19,6 +19,8 @@ pub struct Rung {
     pub words: String,
     /// Judgement of this error.
     pub light: Light,
+    /// The judgement in words; empty for the word of the light.
+    pub judged: String,
     /// True for an effect that is not in the model: its error is a forecast.
     pub forecast: bool,
 }
@@ -57,6 +59,7 @@ impl Serialize for Ladder {
             size: &'a str,
             words: &'a str,
             light: Light,
+            judged: &'a str,
             forecast: bool,
             width: String,
         }
@@ -70,6 +73,7 @@ impl Serialize for Ladder {
                 size: &r.size,
                 words: &r.words,
                 light: r.light,
+                judged: &r.judged,
                 forecast: r.forecast,
                 width: if r.error.is_finite() { at(r.error) } else { String::new() },
             })

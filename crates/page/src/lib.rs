@@ -21,5 +21,5 @@ pub use figure::{Band, Chart, Columns, Dots, Figure, Focus, HeatMap, Line, Panel
 pub use ladder::{Ladder, Rung};
 pub use page::{Block, Card, Chapter, Fact, Headline, Light, Page, Section};
 pub use player::{Animation, ArrowOf, Arrows, MassAt, PointOn, Segment};
-pub use render::{Live, ReportError, render, render_live};
+pub use render::{Live, ReportError, render, render_blocks, render_live};
 pub use table::{Cell, Table};

@@ -1,6 +1,6 @@
 //! Renders the page as HTML with one template.
 
-use crate::Page;
+use crate::{Block, Page};
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment, Value, context};
@@ -106,7 +106,13 @@ pub fn render_live(page: &Page, live: &Live<'_>) -> Result<String, ReportError> 
     render_with(page, Some(live))
 }
 
-fn render_with(page: &Page, live: Option<&Live<'_>>) -> Result<String, ReportError> {
+/// Renders blocks alone, for a page that is open already and has the style and the scripts.
+pub fn render_blocks(blocks: &[Block]) -> Result<String, ReportError> {
+    let env = environment()?;
+    Ok(env.get_template("blocks.html")?.render(context! { blocks => Serde(blocks) })?)
+}
+
+fn environment() -> Result<Environment<'static>, ReportError> {
     let mut env = Environment::new();
     env.set_auto_escape_callback(|_| AutoEscape::Html);
     env.set_syntax(SyntaxConfig::builder().trim_blocks(true).lstrip_blocks(true).build()?);
@@ -114,6 +120,11 @@ fn render_with(page: &Page, live: Option<&Live<'_>>) -> Result<String, ReportErr
     env.add_template("blocks.html", include_str!("../templates/blocks.html"))?;
     env.add_function("light", light);
     env.add_function("prose", prose);
+    Ok(env)
+}
+
+fn render_with(page: &Page, live: Option<&Live<'_>>) -> Result<String, ReportError> {
+    let env = environment()?;
     let html = env.get_template("page.html")?.render(context! {
         page => Serde(page),
         live => Serde(live),
@@ -129,8 +140,7 @@ fn render_with(page: &Page, live: Option<&Live<'_>>) -> Result<String, ReportErr
 mod tests {
     use super::*;
     use crate::{
-        Animation, Block, Cell, Chapter, Fact, Figure, Headline, Ladder, Light, Panel, Rung, Section, Series, Table,
-        Words,
+        Animation, Cell, Chapter, Fact, Figure, Headline, Ladder, Light, Panel, Rung, Section, Series, Table, Words,
     };
 
     fn chapter(id: &str, blocks: Vec<Block>) -> Chapter {

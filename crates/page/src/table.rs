@@ -16,8 +16,8 @@ pub struct Cell {
     pub link: String,
     /// Judgement, shown as a symbol and a word before the text.
     pub light: Option<Light>,
-    /// True where the text itself is the word of the judgement.
-    pub is_word: bool,
+    /// Word of the judgement where it is not that of the light; empty for that one.
+    pub word: String,
     /// Explanation below the text, in smaller letters; empty for none.
     pub note: String,
 }
@@ -31,9 +31,13 @@ impl Cell {
     pub fn with_note(self, note: impl Into<String>) -> Self {
         Self { note: note.into(), ..self }
     }
-    /// A cell whose text is the word of a judgement.
+    /// A cell with a judgement in words of its own and nothing else.
     pub fn sign(light: Light, word: impl Into<String>) -> Self {
-        Self { text: word.into(), light: Some(light), is_word: true, ..Self::default() }
+        Self { word: word.into(), light: Some(light), ..Self::default() }
+    }
+    /// A cell with a judgement in words of its own before the text.
+    pub fn judged(light: Light, word: impl Into<String>, text: impl Into<String>) -> Self {
+        Self { word: word.into(), text: text.into(), light: Some(light), ..Self::default() }
     }
     /// A cell with a judgement and its word.
     pub fn light(light: Light, text: impl Into<String>) -> Self {
@@ -81,7 +85,7 @@ impl Table {
                 ""
             } else if cells().any(|c| !c.note.is_empty()) {
                 "w noted"
-            } else if cells().all(|c| c.text.chars().count() <= SHORT) {
+            } else if cells().all(|c| c.text.chars().count() + c.word.chars().count() <= SHORT) {
                 "w n"
             } else {
                 "w"

@@ -77,27 +77,34 @@
     repaint();
   });
 
-  document.querySelectorAll("button.csv").forEach((b) => b.addEventListener("click", () => {
+  const csv = (b) => b.addEventListener("click", () => {
     const figure = b.closest("figure"), table = figure.querySelector("script") ? null : figure.querySelector("table");
-    const name = b.closest(".chapter").querySelector(".chapter-title").textContent + " " + figure.querySelector(".what").textContent;
+    const name = (b.closest(".chapter")?.querySelector(".chapter-title").textContent ?? "") + " " + figure.querySelector(".what").textContent;
     const rows = table
       ? [...table.rows].map((r) => [...r.cells].map((c) => c.innerText.trim().replace(/\n+/g, ": ")))
       : (figure.querySelector(".player") ? Player : figure.querySelector(".drawing.chart") ? Charts : Maps).rows(figure);
-    Numbers.save(name, rows);
-  }));
+    Numbers.save(name.trim(), rows);
+  });
+  document.querySelectorAll("button.csv").forEach(csv);
 
-  // two columns of a table at a time
-  document.querySelectorAll("figure.pair").forEach((figure) => {
+  // two columns of a table at a time; `first` names the one on the left
+  const pair = (figure, first) => {
     const table = figure.querySelector("table"), names = [...table.tHead.rows[0].cells].slice(1).map((c) => c.textContent);
-    const chosen = [0, 1].map((start) => {
+    const left = Math.max(0, names.indexOf(first)), starts = [left, left === 0 ? 1 : 0];
+    const chosen = starts.map((start, side) => {
       const select = document.createElement("select");
-      select.setAttribute("aria-label", start ? "Second subject" : "First subject");
+      select.setAttribute("aria-label", side ? "Second subject" : "First subject");
       names.forEach((name, i) => select.add(new Option(name, i + 1, i === start, i === start)));
       return select;
     });
     const show = () => {
       const two = chosen.map((s) => Number(s.value));
-      [...table.rows].forEach((row) => [...row.cells].forEach((cell, i) => { cell.hidden = i > 0 && !two.includes(i); }));
+      [...table.rows].forEach((row) => {
+        const cells = [...row.cells].sort((a, b) => Number(a.dataset.at ?? a.cellIndex) - Number(b.dataset.at ?? b.cellIndex));
+        cells.forEach((cell, i) => { cell.dataset.at = i; cell.hidden = i > 0 && !two.includes(i); });
+        // in the order in which they were chosen
+        row.append(...cells, ...new Set(two.map((i) => cells[i])));
+      });
     };
     chosen.forEach((s) => s.addEventListener("change", show));
     const line = document.createElement("p");
@@ -105,7 +112,9 @@
     line.append(chosen[0], " beside ", chosen[1]);
     figure.querySelector(".scroll").before(line);
     show();
-  });
+  };
+  document.querySelectorAll("figure.pair").forEach((figure) => pair(figure));
+  window.Tables = { pair, csv };
 
   // a click on a head sorts by it
   const key = (cell) => { const t = cell.innerText.trim(), v = parseFloat(t.replace("−", "-")); return Number.isFinite(v) ? v : t; };

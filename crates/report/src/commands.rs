@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 pub fn command(session: &SubjectSession, words: &str, last: Option<&str>) -> String {
     let mut all = whole_command(session, words);
     all.extend(last.map(str::to_owned));
-    if matches!(words, "effect add" | "effect remove" | "discover") {
+    // a run brings the whole study up to date; everything else is about this subject
+    if words != "run" {
         all.extend(session.id.subject.iter().flat_map(|s| quote::option("subject", s)));
         all.extend(session.id.session.iter().flat_map(|s| quote::option("session", s)));
     }

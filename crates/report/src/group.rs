@@ -1,7 +1,7 @@
 //! The page of a study of several subjects: one row per subject with lights, distributions over the
 //! group, and links to the subjects' pages.
 
-use super::standing::{self, standings};
+use super::standing::{self, PlaceError, standings};
 use super::story::Story;
 use super::wording::{anchor, card, count, maybe, number, with_half};
 use super::{STUDY, group_headline, lights};
@@ -23,6 +23,8 @@ pub struct Member<'a> {
     pub session: &'a SubjectSession,
     /// Path of its page, relative to this one; empty if it has none.
     pub link: String,
+    /// How many switches of effects its page has, or why it has none.
+    pub switches: String,
 }
 
 /// A subject without results, and the reason.
@@ -45,9 +47,13 @@ pub(super) struct Row {
     pub(super) link: String,
     /// Judgement of the model.
     pub(super) light: Light,
-    /// Where the model is judged, its error over the floor, and what is said of it.
+    /// Where the model is worse, in flight or in contact: its error over the floor, and in words.
     pub(super) times_floor: Option<f64>,
     pub(super) standing: String,
+    /// Judgement of this error alone, and its word.
+    pub(super) judged: (Light, &'static str),
+    /// Switches of its page.
+    pub(super) switches: String,
     /// True if a perfect model could have left as much.
     pub(super) at_floor: bool,
     /// Number of recordings that failed.
@@ -90,7 +96,8 @@ pub fn page(title: &str, members: &[Member<'_>], absent: &[Absent]) -> Result<Pa
     let next = members.first().map_or(String::new(), |m| super::commands::for_all(m.session, "discover"));
     let mut chapters = vec![overview(&rows, absent, &next)];
     chapters.push(distributions(&rows));
-    chapters.extend(super::pair::section(&rows).map(|section| Chapter {
+    let columns = rows.iter().map(|r| (r.name.as_str(), r.lines.as_slice()));
+    chapters.extend(super::pair::section(columns).map(|section| Chapter {
         id: "pair".into(),
         title: "Two subjects".into(),
         group: STUDY.into(),
@@ -118,6 +125,8 @@ fn row(m: &Member<'_>) -> Row {
         light: Light::Poor,
         times_floor: None,
         standing: String::new(),
+        judged: (Light::Neutral, ""),
+        switches: m.switches.clone(),
         at_floor: false,
         lost: 0,
         recorded: Light::Poor,
@@ -150,10 +159,16 @@ fn row(m: &Member<'_>) -> Row {
     (out.recorded, out.remarks) = lights::recordings(&story);
     out.light = standing::light(&story);
     out.lost = story.trials.iter().filter(|t| !t.failures.is_empty()).count();
-    if let Some(first) = standings(&story).first() {
-        out.times_floor = first.ratio;
-        out.at_floor = standings(&story).iter().all(|s| s.at_floor);
-        out.standing = format!("{} in {}", first.ratio_words(), first.place);
+    // the worse of flight and contact, as the table of `run` has it
+    let errors = standings(&story);
+    let worse = |a: &&PlaceError, b: &&PlaceError| {
+        a.light().cmp(&b.light()).then(a.ratio.unwrap_or(0.0).total_cmp(&b.ratio.unwrap_or(0.0)))
+    };
+    if let Some(worst) = errors.iter().max_by(worse) {
+        out.times_floor = worst.ratio;
+        out.at_floor = errors.iter().all(|s| s.at_floor);
+        out.standing = format!("{} in {}", worst.times_floor(), worst.place);
+        out.judged = (worst.light(), worst.judged);
     }
     if !story.freshness.is_current() {
         out.remarks = format!("not up to date ({}); {}", story.freshness.describe().join("; "), out.remarks);
@@ -234,24 +249,25 @@ fn mean_sd(values: impl Iterator<Item = Option<f64>>) -> String {
     }
 }
 
-fn overview(rows: &[Row], absent: &[Absent], next: &str) -> Chapter {
-    let of = |l: Light| rows.iter().filter(|r| r.light == l).count();
-    let light = if of(Light::Poor) > 0 {
-        if 2 * of(Light::Poor) > rows.len() { Light::Poor } else { Light::Fair }
-    } else if of(Light::Fair) > 0 {
-        Light::Fair
-    } else {
-        Light::Good
+/// Judgement of all rows together, and how many have each.
+fn together(rows: &[Row], light: impl Fn(&Row) -> Light) -> (Light, String) {
+    let of = |l: Light| rows.iter().filter(|r| light(r) == l).count();
+    let [good, fair, poor] = [Light::Good, Light::Fair, Light::Poor].map(of);
+    let all = match (fair, poor) {
+        (0, 0) => Light::Good,
+        (_, poor) if 2 * poor > rows.len() => Light::Poor,
+        _ => Light::Fair,
     };
+    (all, format!("{good} good, {fair} fair, {poor} poor"))
+}
+
+fn overview(rows: &[Row], absent: &[Absent], next: &str) -> Chapter {
+    let (light, _) = together(rows, |r| r.light);
+    let (errors, counted) = together(rows, |r| if r.judged.1.is_empty() { r.light } else { r.judged.0 });
     let trusted = rows.iter().filter(|r| r.trusted == Some(true)).count();
     let flights: usize = rows.iter().filter_map(|r| r.flights).sum();
     let cards = vec![
-        card(
-            "Subjects",
-            rows.len().to_string(),
-            format!("{} good, {} fair, {} poor", of(Light::Good), of(Light::Fair), of(Light::Poor)),
-            light,
-        ),
+        card("Subjects", rows.len().to_string(), counted, errors),
         card(
             "Determined by their motion",
             format!("{trusted} of {}", rows.len()),
@@ -280,7 +296,7 @@ fn overview(rows: &[Row], absent: &[Absent], next: &str) -> Chapter {
     ];
     let mut first: Vec<Block> = vec![group_headline::headline(rows, light, next).into()];
     first.extend(group_headline::floors(rows).map(Block::from));
-    let mut blocks = vec![subjects(rows).into(), Block::Cards { cards }];
+    let mut blocks = vec![subjects(rows).into(), Block::text(switches(rows)), Block::Cards { cards }];
     let failed = rows.iter().filter_map(|r| Some((r.name.clone(), r.failure.clone()?)));
     let lost: Vec<(String, String, bool)> = failed
         .map(|(n, f)| (n, f, false))
@@ -296,6 +312,25 @@ fn overview(rows: &[Row], absent: &[Absent], next: &str) -> Chapter {
         Section::new("subjects", "Subjects", "Click a name to open the subject's page.", blocks),
     ];
     Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
+}
+
+/// How many switches of effects the subjects' pages have, or why they have none.
+fn switches(rows: &[Row]) -> String {
+    let mut by_words: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for r in rows {
+        by_words.entry(&r.switches).or_default().push(&r.name);
+    }
+    let all: Vec<String> = by_words.iter().map(|(words, who)| format!("{words} ({})", who.join(", "))).collect();
+    format!("Switches of effects in the subjects' pages: {}.", all.join("; "))
+}
+
+/// The model's error with the judgement that the commands print of it.
+fn model(r: &Row) -> Cell {
+    if r.judged.1.is_empty() {
+        return Cell::light(r.light, r.standing.clone());
+    }
+    let gate = if r.trusted == Some(false) { "; too few flights to determine the body" } else { "" };
+    Cell::judged(r.judged.0, r.judged.1, format!("{}{gate}", r.standing))
 }
 
 fn subjects(rows: &[Row]) -> Table {
@@ -314,7 +349,7 @@ fn subjects(rows: &[Row]) -> Table {
     let cells = |r: &Row| -> Vec<Cell> {
         vec![
             Cell::from(r.name.clone()).to(r.link.clone()),
-            Cell::light(r.light, r.standing.clone()),
+            model(r),
             verdict(r).into(),
             Cell::light(r.recorded, r.remarks.clone()),
             r.recordings.to_string().into(),
@@ -330,7 +365,7 @@ fn subjects(rows: &[Row]) -> Table {
     };
     Table::new(
         "Subjects",
-        "The model is judged by its held-out error in multiples of the noise floor. Marker error and free fall are means over recordings; force and moment \
+        "The model is judged by its held-out error in multiples of the noise floor, in flight or in contact, where it is worse. Marker error and free fall are means over recordings; force and moment \
          errors are mean absolute errors frame by frame on held-out motion, also as a share of what the tables leave.",
         &[
             "subject",

@@ -34,7 +34,9 @@ pub(super) fn headline(rows: &[Row], light: Light, next: &str) -> Headline {
         .filter(|r| r.times_floor.is_some())
         .max_by(|a, b| a.times_floor.unwrap_or(0.0).total_cmp(&b.times_floor.unwrap_or(0.0)));
     facts.extend(
-        worst.filter(|w| !w.at_floor).map(|w| Fact::new("Where", format!("Most for {}: {}.", w.name, w.standing))),
+        worst
+            .filter(|w| !w.at_floor)
+            .map(|w| Fact::new("Where", format!("Most for {}: {}, {}.", w.name, w.standing, w.judged.1))),
     );
     let mut named: BTreeMap<String, usize> = BTreeMap::new();
     for (verdict, effects) in rows.iter().filter_map(|r| r.verdict.as_ref()) {
@@ -79,7 +81,7 @@ pub(super) fn floors(rows: &[Row]) -> Option<Figure> {
     }
     let names: Vec<String> = known.iter().map(|r| r.name.clone()).collect();
     let of = |l: Light, name: &str| {
-        let values = known.iter().map(|r| if r.light == l { r.times_floor.unwrap_or(f64::NAN) } else { f64::NAN });
+        let values = known.iter().map(|r| if r.judged.0 == l { r.times_floor.unwrap_or(f64::NAN) } else { f64::NAN });
         Dots::new(name, values.collect())
     };
     let kinds =
@@ -88,7 +90,7 @@ pub(super) fn floors(rows: &[Row]) -> Option<Figure> {
     let lines = [line(1.0, "floor"), line(3.0, "3 ×")];
     let words = Words::new(
         "Error in multiples of the noise floor",
-        "Held-out error of each subject's model where it is judged; 1 is the error of a perfect model on these recordings.",
+        "Held-out error of each subject's model, in flight or in contact, where it is worse; 1 is the error of a perfect model on these recordings.",
     );
     Some(Figure::dots(words, "error / noise floor", &names, &kinds, &lines))
 }

@@ -11,7 +11,7 @@ use aloft_analysis::next_step::{Because, NextStep, step};
 use aloft_analysis::parameters::ParametersView;
 use aloft_compare::{Comparison, Group, GroupedBy};
 use aloft_discover::Verdict;
-use aloft_page::{Fact, Headline, Light};
+use aloft_page::{Fact, Headline};
 
 /// The headline.
 pub fn headline(story: &Story<'_>) -> Headline {
@@ -286,9 +286,4 @@ pub fn floor_words(first: &PlaceError) -> String {
         }
         _ => "the noise floor is not known".to_owned(),
     }
-}
-
-/// The signal of a rung of the ladder.
-pub fn rung_light(ratio: Option<f64>, at_floor: bool, void: bool) -> Light {
-    if void { Light::Poor } else { super::lights::against_floor(ratio, Some(at_floor)) }
 }

@@ -1,7 +1,7 @@
 //! The revisions of the model and the error that each of them left.
 
 use super::drawn_effects::units;
-use super::headline::{floor_words, rung_light};
+use super::headline::floor_words;
 use super::lights::times;
 use super::standing::{PlaceError, asked, standings};
 use super::story::Story;
@@ -27,19 +27,20 @@ pub fn picture(story: &Story<'_>) -> Option<Ladder> {
     for (i, r) in rows.iter().enumerate() {
         let last = i + 1 == rows.len();
         // the present revision is what the comparison shows, the others are as they were recorded
-        let judged = if first.place == "flight" { r.flight } else { r.contact };
-        let (error, ratio, at_floor) = match judged {
-            _ if last => (first.error_n, first.ratio, first.at_floor),
-            Some(j) => (j.error_n, j.times_floor(), j.at_floor() == Some(true)),
-            None => (f64::NAN, None, false),
-        };
-        let light = rung_light(ratio, at_floor, r.void.is_some());
+        let recorded = r.errors.iter().find(|e| e.judged_on == first.place).map(PlaceError::of);
+        let judged = if last { Some(first.clone()) } else { recorded };
+        let light = judged.as_ref().map_or(Light::Neutral, PlaceError::light);
         rungs.push(Rung {
             name: name(r, i.checked_sub(1).map(|k| &rows[k])),
             size: size(r, i.checked_sub(1).map(|k| &rows[k]), &units),
-            error,
-            words: words(error, ratio, at_floor),
-            light: if last { behind_gate(story, light) } else { light },
+            error: judged.as_ref().map_or(f64::NAN, |j| j.error_n),
+            words: judged.as_ref().map_or_else(|| "not run".to_owned(), |j| words(j.error_n, j.ratio)),
+            judged: match (&r.void, &judged) {
+                (Some(_), _) => "void".to_owned(),
+                (None, Some(j)) if j.ratio.is_some() => j.judged.to_owned(),
+                _ => String::new(),
+            },
+            light: if r.void.is_some() { Light::Poor } else { light },
             forecast: false,
         });
     }
@@ -54,18 +55,11 @@ pub fn picture(story: &Story<'_>) -> Option<Ladder> {
     })
 }
 
-/// The judgement of a model whose gate did not pass: at best fair.
-fn behind_gate(story: &Story<'_>, light: Light) -> Light {
-    let passed = story.found.as_ref().is_some_and(|f| f.parameters.gate.passed);
-    if light == Light::Good && !passed { Light::Fair } else { light }
-}
-
-fn words(error: f64, ratio: Option<f64>, at_floor: bool) -> String {
+fn words(error: f64, ratio: Option<f64>) -> String {
     if !error.is_finite() {
         return "not run".to_owned();
     }
-    let floor = if at_floor { ", at floor" } else { "" };
-    format!("{} N{}", number(error), ratio.map_or(String::new(), |r| format!(" · {} ×{floor}", times(r))))
+    format!("{} N{}", number(error), ratio.map_or(String::new(), |r| format!(" · {} ×", times(r))))
 }
 
 /// What a revision changes.
@@ -101,7 +95,7 @@ fn promised(story: &Story<'_>, first: &PlaceError) -> Option<Rung> {
         return None;
     }
     let (error, ratio) = after_all(story, first)?;
-    let at_floor = first.interval_n.is_some_and(|[_, most]| error <= most);
+    let at_floor = ratio.is_some() && first.interval_n.is_some_and(|[_, most]| error <= most);
     let keys: Vec<&str> = parts.iter().map(|p| p.0).collect();
     let of = |c: &aloft_discover::Estimate| {
         format!("{} {} {}", c.name.replace('_', " "), plus_minus(c.value, c.ci95), unit(&c.unit))
@@ -112,7 +106,8 @@ fn promised(story: &Story<'_>, first: &PlaceError) -> Option<Rung> {
         name: format!("+ `{}`?", keys.join("` + `")),
         size: sizes.join(", "),
         error,
-        words: format!("{}, forecast", words(error, ratio, at_floor)),
+        words: format!("{}{}, forecast", words(error, ratio), if at_floor { ", at the floor" } else { "" }),
+        judged: String::new(),
         light: Light::Neutral,
         forecast: true,
     })

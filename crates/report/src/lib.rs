@@ -36,15 +36,16 @@ mod switches;
 mod trial;
 mod wording;
 
-use aloft_page::switches::Sent;
 use aloft_page::{Chapter, Live, Page, render, render_live};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 pub use group::{Absent, Member};
+pub use pair::side_by_side;
 use rayon::prelude::*;
 pub use set::{SetReport, write_set};
 use std::path::{Path, PathBuf};
 use story::{Story, TrialStory};
+use switches::Offered;
 pub use switches::{numbers as switch_numbers, panel_state};
 
 /// Heading of the chapters about the whole study.
@@ -54,15 +55,20 @@ const RECORDINGS: &str = "Recordings";
 
 /// Builds the page and writes it; returns its path.
 pub fn write(session: &SubjectSession, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
-    let (page, sent) = page(session, true)?;
-    let html = match &sent {
+    Ok(write_page(session, out)?.0)
+}
+
+/// The same; returns also how many switches the page has, or why none, in a few words.
+fn write_page(session: &SubjectSession, out: Option<&Path>) -> Result<(PathBuf, String), PipelineError> {
+    let (page, offered) = page(session, true)?;
+    let html = match &offered.panel {
         Some(sent) => render_live(&page, &sent.panel()),
         None => render(&page),
     };
     let html = html.map_err(|e| PipelineError::request(e.to_string()))?;
     let path = out.map_or_else(|| session.workspace.join("report.html"), Path::to_path_buf);
     aloft_workspace::disk::write_whole(&path, html.as_bytes())?;
-    Ok(path)
+    Ok((path, offered.brief))
 }
 
 /// Builds the page with a live panel, for a server.
@@ -84,7 +90,7 @@ pub fn write_group(
 }
 
 /// The page; with its own switches, if they are asked for and there are any.
-fn page(now: &SubjectSession, switches: bool) -> Result<(Page, Option<Sent>), PipelineError> {
+fn page(now: &SubjectSession, switches: bool) -> Result<(Page, Offered), PipelineError> {
     let session = &aloft_pipeline::made::as_made(now);
     let story = Story::read(session, now)?;
     let mut chapters = vec![overview::chapter(&story)];
@@ -109,19 +115,19 @@ fn page(now: &SubjectSession, switches: bool) -> Result<(Page, Option<Sent>), Pi
     facts.push(format!("mass {} kg", person.mass_kg));
     facts.extend(person.height_m.map(|h| format!("height {h} m")));
     let sources = &session.facts.sources;
-    let (sent, without) = if switches { switches::sent(&story) } else { (None, None) };
+    let offered = if switches { switches::sent(&story) } else { Offered::default() };
     let mut footer = vec![format!(
         "aloft {} · pipeline {} · facts from {} · every number of a figure or table: its CSV button; full rate: the Parquet tables of the workspace",
         env!("CARGO_PKG_VERSION"),
         session.config.name,
         if sources.is_empty() { "the pipeline".to_owned() } else { sources.join(" and ") }
     )];
-    footer.extend(without);
+    footer.extend(offered.without.clone());
     let page = Page {
         title: format!("{}: mass properties from flight", wording::short(&person.name)),
         subtitle: facts.join(" · "),
         chapters,
         footer,
     };
-    Ok((page, sent))
+    Ok((page, offered))
 }

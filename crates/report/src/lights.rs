@@ -44,7 +44,12 @@ pub fn gap(ratio: f64) -> Light {
 /// Held-out error in multiples of the noise floor, and whether it lies within the floor's interval:
 /// the judgement of [`Signal`].
 pub fn against_floor(ratio: Option<f64>, at_floor: Option<bool>) -> Light {
-    match Signal::of(ratio, at_floor) {
+    of(Signal::of(ratio, at_floor))
+}
+
+/// A judgement of the model as a light.
+pub fn of(signal: Signal) -> Light {
+    match signal {
         Signal::Unknown => Light::Neutral,
         Signal::Good => Light::Good,
         Signal::Fair => Light::Fair,
@@ -52,9 +57,9 @@ pub fn against_floor(ratio: Option<f64>, at_floor: Option<bool>) -> Light {
     }
 }
 
-/// A ratio with two digits.
+/// A ratio with two digits, as the commands print it.
 pub fn times(ratio: f64) -> String {
-    if ratio >= 9.95 { format!("{ratio:.0}") } else { format!("{ratio:.1}") }
+    aloft_compare::significant(ratio, 2)
 }
 
 /// Problems of a recording, most serious first.

@@ -1,14 +1,24 @@
 //! Two subjects side by side: errors, ladder, parameters.
 
-use super::group::Row;
 use super::ladder;
 use super::standing::standings;
 use super::story::Story;
 use super::wording::{count, maybe, number};
-use aloft_page::{Cell, Section, Table};
+use aloft_page::{Block, Cell, Section, Table};
+use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::error::PipelineError;
+use rayon::prelude::*;
+
+/// Names and values of one subject.
+type Lines = Vec<(String, String)>;
+
+/// Words of a rung with its judgement.
+fn spoken(words: &str, judged: &str) -> String {
+    if judged.is_empty() { words.to_owned() } else { format!("{words}, {judged}") }
+}
 
 /// What is set side by side of one subject, by name, in the order of reading.
-pub(super) fn lines(story: &Story<'_>) -> Vec<(String, String)> {
+pub(super) fn lines(story: &Story<'_>) -> Lines {
     let mut out = Vec::new();
     let mut add = |name: &str, value: String| out.push((name.to_owned(), value));
     let all = standings(story);
@@ -18,7 +28,8 @@ pub(super) fn lines(story: &Story<'_>) -> Vec<(String, String)> {
         add(&format!("held-out error in {place}"), words);
     }
     if let Some(picture) = ladder::picture(story) {
-        let rungs: Vec<String> = picture.rungs.iter().map(|r| format!("{}: {}", r.name, r.words)).collect();
+        let rungs: Vec<String> =
+            picture.rungs.iter().map(|r| format!("{}: {}", r.name, spoken(&r.words, &r.judged))).collect();
         add("ladder", rungs.join("; "));
     }
     let person = &story.session.facts.person;
@@ -47,26 +58,58 @@ pub(super) fn lines(story: &Story<'_>) -> Vec<(String, String)> {
     out
 }
 
+/// Subjects of a study as one table, of which a reader chooses two columns, as HTML for a page that
+/// has the scripts of this one; and why subjects are not in it. No table for fewer than two
+/// subjects with results.
+///
+/// # Errors
+/// The table cannot be drawn.
+pub fn side_by_side(members: &[SubjectSession]) -> Result<(Option<String>, Vec<String>), PipelineError> {
+    let read = |m: &SubjectSession| {
+        let made = aloft_pipeline::made::as_made(m);
+        let story = Story::read(&made, m)?;
+        Ok((m.id.to_string(), lines(&story)))
+    };
+    let all: Vec<Result<(String, Lines), PipelineError>> = members.par_iter().map(read).collect();
+    let without = members.iter().zip(&all).filter_map(|(m, one)| match one {
+        Ok((name, lines)) if lines.is_empty() => Some(format!("{name}: no results")),
+        Ok(_) => None,
+        Err(e) => Some(format!("{}: {e}", m.id)),
+    });
+    let without = without.collect();
+    let known = all.iter().flatten().map(|(name, lines)| (name.as_str(), lines.as_slice()));
+    let html = table(known).map(|t| aloft_page::render_blocks(&[Block::from(t)]));
+    Ok((html.transpose().map_err(|e| PipelineError::request(e.to_string()))?, without))
+}
+
 /// The section; none for a study of one subject with results.
-pub(super) fn section(rows: &[Row]) -> Option<Section> {
-    let with: Vec<&Row> = rows.iter().filter(|r| !r.lines.is_empty()).collect();
+pub(super) fn section<'a>(columns: impl Iterator<Item = Column<'a>>) -> Option<Section> {
+    let lead = "Choose two of the subjects.";
+    Some(Section::new("side-by-side", "Side by side", lead, vec![table(columns)?.into()]))
+}
+
+/// Name of a subject and its lines.
+type Column<'a> = (&'a str, &'a [(String, String)]);
+
+fn table<'a>(columns: impl Iterator<Item = Column<'a>>) -> Option<Table> {
+    let with: Vec<Column<'_>> = columns.filter(|c| !c.1.is_empty()).collect();
     if with.len() < 2 {
         return None;
     }
     // every line that some subject has, in the order in which they are met
     let mut names: Vec<&str> = Vec::new();
-    for (name, _) in with.iter().flat_map(|r| &r.lines) {
+    for (name, _) in with.iter().flat_map(|c| c.1) {
         if !names.contains(&name.as_str()) {
             names.push(name);
         }
     }
-    let of = |r: &Row, name: &str| r.lines.iter().find(|l| l.0 == name).map_or("–".to_owned(), |l| l.1.clone());
+    let of = |c: &Column<'_>, name: &str| c.1.iter().find(|l| l.0 == name).map_or("–".to_owned(), |l| l.1.clone());
     let row = |name: &str| -> Vec<Cell> {
-        std::iter::once(name.to_owned()).chain(with.iter().map(|r| of(r, name))).map(Cell::from).collect()
+        std::iter::once(name.to_owned()).chain(with.iter().map(|c| of(c, name))).map(Cell::from).collect()
     };
-    let header: Vec<&str> = std::iter::once("").chain(with.iter().map(|r| r.name.as_str())).collect();
+    let header: Vec<&str> = std::iter::once("").chain(with.iter().map(|c| c.0)).collect();
     let caption = "Errors over held-out weak windows. Masses of single links are of the physically consistent body; motion determines combinations of them.";
-    let table = Table::new("Two subjects side by side", caption, &header, names.into_iter().map(row).collect());
-    let lead = "Choose two of the subjects.";
-    Some(Section::new("side-by-side", "Side by side", lead, vec![table.two_at_a_time().into()]))
+    Some(
+        Table::new("Two subjects side by side", caption, &header, names.into_iter().map(row).collect()).two_at_a_time(),
+    )
 }

@@ -23,20 +23,20 @@ pub struct SetReport {
 pub fn write_set(set: &DataSet) -> Result<SetReport, PipelineError> {
     let (mut pages, mut failed, mut members) = (Vec::new(), Vec::new(), Vec::new());
     for session in &set.members {
-        let link = match super::write(session, None) {
-            Ok(path) => {
+        let (link, switches) = match super::write_page(session, None) {
+            Ok((path, switches)) => {
                 let relative = path.strip_prefix(&set.workspace).unwrap_or(&path);
                 let parts: Vec<String> =
                     relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
                 pages.push(path);
-                parts.join("/")
+                (parts.join("/"), switches)
             }
             Err(e) => {
                 failed.push((session.id.clone(), e));
-                String::new()
+                (String::new(), "none: no page".to_owned())
             }
         };
-        members.push(Member { name: session.id.to_string(), session, link });
+        members.push(Member { name: session.id.to_string(), session, link, switches });
     }
     let broken = set.broken.iter().map(|b| (&b.id, b.failure.problem.clone(), false));
     let excluded = set.excluded.iter().map(|(id, why)| (id, why.clone(), true));

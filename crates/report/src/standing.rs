@@ -6,7 +6,7 @@ use super::story::Story;
 use aloft_analysis::compare::JudgedOn;
 use aloft_analysis::held_out::HeldOutError;
 use aloft_analysis::history::HistoryRow;
-use aloft_compare::AgainstFloor;
+use aloft_compare::Signal;
 use aloft_discover::{Discovery, Verdict};
 use aloft_page::Light;
 
@@ -23,32 +23,40 @@ pub struct PlaceError {
     pub interval_n: Option<[f64; 2]>,
     /// Error over floor.
     pub ratio: Option<f64>,
-    /// True if a perfect model could have left as much.
+    /// True if a perfect model could have left as much, and the error is not poor within a wide
+    /// interval.
     pub at_floor: bool,
+    /// Judgement, at best fair where the gate did not pass.
+    pub signal: Signal,
+    /// The same in words, as the commands print it.
+    pub judged: &'static str,
 }
 
 impl PlaceError {
-    fn of(a: &AgainstFloor) -> Self {
+    pub(super) fn of(e: &HeldOutError) -> Self {
         Self {
-            place: a.judged_on.clone(),
-            error_n: a.held_out_error,
-            floor_n: a.floor.map(|f| f.noise_floor),
-            interval_n: a.floor.and_then(|f| f.ci95),
-            ratio: a.times_floor,
-            at_floor: a.at_floor == Some(true),
+            place: e.judged_on.clone(),
+            error_n: e.held_out_error,
+            floor_n: e.noise_floor,
+            interval_n: e.noise_floor_ci95,
+            ratio: e.times_floor,
+            at_floor: e.at_floor == Some(true) && e.signal != Signal::Poor,
+            signal: e.signal,
+            judged: e.signal.in_words(e.at_floor),
         }
     }
-    /// Judgement from the ratio to the floor alone.
+    /// Judgement as a light.
     pub fn light(&self) -> Light {
-        lights::against_floor(self.ratio, Some(self.at_floor))
+        lights::of(self.signal)
     }
-    /// `2.4 times the floor`, with what is said of an error at the floor.
+    /// `2.4 × floor`.
+    pub fn times_floor(&self) -> String {
+        let unknown = if self.floor_n.is_some() { "floor known too roughly" } else { "floor unknown" };
+        self.ratio.map_or_else(|| unknown.to_owned(), |r| format!("{} × floor", lights::times(r)))
+    }
+    /// `2.4 × floor, fair`.
     pub fn ratio_words(&self) -> String {
-        match self.ratio {
-            Some(r) if self.at_floor => format!("{} × noise floor (within its interval)", lights::times(r)),
-            Some(r) => format!("{} × floor", lights::times(r)),
-            None => "floor unknown".to_owned(),
-        }
+        if self.ratio.is_some() { format!("{}, {}", self.times_floor(), self.judged) } else { self.times_floor() }
     }
 }
 
@@ -57,7 +65,7 @@ impl PlaceError {
 /// above its floor.
 pub fn standings(story: &Story<'_>) -> Vec<PlaceError> {
     let Some(view) = &story.comparison else { return Vec::new() };
-    let mut all: Vec<PlaceError> = view.comparison.against_floor.iter().map(PlaceError::of).collect();
+    let mut all: Vec<PlaceError> = view.errors.iter().map(PlaceError::of).collect();
     let place = stated_place(asked(story), story.history.revisions.last());
     all.sort_by(|a, b| {
         let first = |s: &PlaceError| place.as_ref() == Some(&s.place);

@@ -20,7 +20,7 @@ use nalgebra::DMatrix;
 use serde_json::{Value, json};
 
 /// Most numbers that a page carries for its switches, at less than seven bytes each.
-const MOST_NUMBERS: usize = 110_000;
+const MOST_NUMBERS: usize = 260_000;
 
 /// What the panel shows before a switch is flipped: subject, model and its revisions, the switches,
 /// and what the last discovery said about each.
@@ -86,20 +86,43 @@ fn finite(x: f64) -> Option<f64> {
     Some(x).filter(|x| x.is_finite())
 }
 
-/// The switches of a page that is sent, or why it has none, where they could be expected; neither
-/// before a discovery and where results are not up to date.
-pub(crate) fn sent(story: &Story<'_>) -> (Option<Sent>, Option<String>) {
-    if !story.freshness.is_current() || story.discoveries.is_empty() {
-        return (None, None);
+/// The switches of a page that is sent.
+#[derive(Default)]
+pub(crate) struct Offered {
+    /// The panel; none if the page has no switches.
+    pub panel: Option<Sent>,
+    /// Why there are none, for the page's last lines, where they could be expected: not before a
+    /// discovery, nor where results are not up to date.
+    pub without: Option<String>,
+    /// How many there are, or why there are none, in a few words for the page of several subjects.
+    pub brief: String,
+}
+
+/// The switches of a page that is sent.
+pub(crate) fn sent(story: &Story<'_>) -> Offered {
+    let none = |brief: &str| Offered { brief: format!("none: {brief}"), ..Offered::default() };
+    if !story.freshness.is_current() {
+        return none("results are not up to date");
     }
-    let without =
-        |why: &str| (None, Some(format!("this page has no switches, because {why}; `aloft studio` has them")));
+    if story.discoveries.is_empty() {
+        return none("`discover` was not run");
+    }
+    let without = |why: &str, brief: &str| {
+        let text = format!("this page has no switches, because {why}; `aloft studio` has them");
+        Offered { without: Some(text), ..none(brief) }
+    };
     match numbers(story.session) {
-        Ok(Some(n)) => (Some(Sent::new(&n)), None),
-        Ok(None) => {
-            without("the rows of these recordings are too many for a page, or the parameters are no least squares")
+        Ok(Some(n)) => {
+            let count = |list: &str| n["kernel"][list].as_array().map_or(0, Vec::len);
+            let (own, more) = (count("switches"), count("left_out"));
+            let brief = if more == 0 { format!("all {own}") } else { format!("{own} of {}", own + more) };
+            Offered { panel: Some(Sent::new(&n)), without: None, brief }
         }
-        Err(e) => without(&e.to_string()),
+        Ok(None) => without(
+            "the rows of these recordings are too many for a page, or the parameters are no least squares",
+            "too many rows for a page, or parameters that are no least squares",
+        ),
+        Err(e) => without(&e.to_string(), &e.to_string()),
     }
 }
 

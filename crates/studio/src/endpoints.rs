@@ -33,6 +33,7 @@ pub(crate) fn router(studio: Arc<Studio>) -> Router {
     Router::new()
         .route("/", get(page))
         .route("/api/state", get(state))
+        .route("/api/subjects", get(subjects))
         .route("/api/model", post(model))
         .route("/api/series", post(series))
         .route("/api/job", post(job))
@@ -101,6 +102,7 @@ async fn page(State(studio): State<Arc<Studio>>) -> Result<Response, Problem> {
                 include_str!("browser/notes.js"),
                 include_str!("browser/stretches.js"),
                 include_str!("browser/revisions.js"),
+                include_str!("browser/subjects.js"),
                 include_str!("browser/forces.js"),
             ]
             .concat(),
@@ -115,6 +117,18 @@ async fn page(State(studio): State<Arc<Studio>>) -> Result<Response, Problem> {
 /// Everything that the panel shows before a switch is flipped.
 async fn state(State(studio): State<Arc<Studio>>) -> Result<Response, Problem> {
     Ok(answer(&computed(move || view::state(&studio)).await?))
+}
+
+/// All subjects of the study as the table of its report, from their results on the disk.
+async fn subjects(State(studio): State<Arc<Studio>>) -> Result<Response, Problem> {
+    let found = computed(move || {
+        let Some(open) = &studio.open_set else { return Ok(json!({"html": null, "without": []})) };
+        let set = open()?;
+        let (html, mut without) = aloft_report::side_by_side(&set.members)?;
+        without.extend(set.broken.iter().map(|b| format!("{}: {}", b.id, b.failure.problem)));
+        Ok(json!({"html": html, "without": without}))
+    });
+    Ok(answer(&found.await?))
 }
 
 /// A choice of effects and of recordings.

@@ -23,7 +23,7 @@ mod jobs;
 mod state;
 mod view;
 
-pub use state::Opener;
+pub use state::{Opener, SetOpener};
 
 use aloft_workspace::error::PipelineError;
 use state::Studio;
@@ -39,11 +39,11 @@ pub struct Server {
 
 impl Server {
     /// Listens on a port of the loopback interface (0: any free one) and begins to prepare the
-    /// switches.
+    /// switches. `open_set` opens all subjects of a study that has several.
     ///
     /// # Errors
     /// The study cannot be opened; the port is in use.
-    pub fn bind(open: Opener, port: u16) -> Result<Self, PipelineError> {
+    pub fn bind(open: Opener, open_set: Option<SetOpener>, port: u16) -> Result<Self, PipelineError> {
         open()?;
         let taken = |e: std::io::Error| {
             PipelineError::request_hint(
@@ -56,7 +56,7 @@ impl Server {
         let port = listener.local_addr().map_err(taken)?.port();
         let token = guard::new_token()
             .map_err(|e| PipelineError::request(format!("the system gives no random numbers for a token: {e}")))?;
-        let studio = Studio::new(open, token, port)
+        let studio = Studio::new(open, open_set, token, port)
             .map_err(|e| PipelineError::request(format!("the system gives no threads: {e}")))?;
         jobs::start(&studio);
         Ok(Self { listener, studio })

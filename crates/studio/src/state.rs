@@ -3,6 +3,7 @@
 use crate::events::{BEHIND, Told};
 use crate::jobs::Queue;
 use aloft_analysis::switches::Switches;
+use aloft_study::data_set::DataSet;
 use aloft_study::effects::OwnEffect;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
@@ -11,6 +12,9 @@ use tokio::sync::broadcast;
 
 /// Opens the study: reads the pipeline again, so that a change of the file is seen.
 pub type Opener = Box<dyn Fn() -> Result<SubjectSession, PipelineError> + Send + Sync>;
+
+/// Opens all subjects of the study in the same way.
+pub type SetOpener = Box<dyn Fn() -> Result<DataSet, PipelineError> + Send + Sync>;
 
 /// The switches, or why there are none.
 #[derive(Clone, Default)]
@@ -27,6 +31,8 @@ pub(crate) enum SwitchState {
 /// State of the server, shared by all answers and the worker.
 pub(crate) struct Studio {
     pub open: Opener,
+    /// The study with all its subjects; none if it has only one.
+    pub open_set: Option<SetOpener>,
     pub token: String,
     pub port: u16,
     pub events: broadcast::Sender<Told>,
@@ -39,10 +45,16 @@ pub(crate) struct Studio {
 }
 
 impl Studio {
-    pub fn new(open: Opener, token: String, port: u16) -> Result<Arc<Self>, rayon::ThreadPoolBuildError> {
+    pub fn new(
+        open: Opener,
+        open_set: Option<SetOpener>,
+        token: String,
+        port: u16,
+    ) -> Result<Arc<Self>, rayon::ThreadPoolBuildError> {
         let (events, _) = broadcast::channel(BEHIND);
         Ok(Arc::new(Self {
             open,
+            open_set,
             token,
             port,
             events,

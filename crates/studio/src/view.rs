@@ -28,6 +28,8 @@ pub(crate) fn state(studio: &Studio) -> Result<Value, PipelineError> {
         ("problem", problem),
         ("settings", json!(settings(&session))),
         ("trials", json!(trials.collect::<Vec<_>>())),
+        ("session", json!(session.id.to_string())),
+        ("several_subjects", json!(studio.open_set.is_some())),
         ("busy", json!(studio.queue.busy())),
         ("law_words", json!(own_laws::vocabulary(&session)?)),
         ("drafts", json!(studio.drafts().iter().map(|d| &d.spec).collect::<Vec<_>>())),

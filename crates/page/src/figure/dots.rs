@@ -65,6 +65,29 @@ fn range(kinds: &[(usize, &Dots)], lines: &[Line]) -> [f64; 2] {
     [if from == 0.0 { 0.0 } else { from - margin }, to + margin]
 }
 
+/// Height of a row of labels above the plot, rem.
+const UPPER_REM: f64 = 1.1;
+/// Letters that fit beside each other above a narrow plot.
+const LETTERS: f64 = 44.0;
+
+/// The row of each label above the plot, 0 on top, and the number of rows: labels that would touch
+/// each other stand in different rows. Each is its place, as a share of the width, and its text.
+fn rows_of_labels(labels: &[(f64, &str)]) -> (Vec<usize>, usize) {
+    let letters = |k: usize| labels[k].1.chars().count() as f64;
+    let touch = |i: usize, k: usize| {
+        let (left, right) = if labels[i].0 < labels[k].0 { (i, k) } else { (k, i) };
+        let (from, to) = (labels[left].0, labels[right].0);
+        LETTERS * (to - from) < letters(left) * (1.0 - from) + letters(right) * to + 1.0
+    };
+    let mut rows: Vec<usize> = Vec::new();
+    for i in 0..labels.len() {
+        let taken = |row: usize| (0..i).any(|k| rows[k] == row && touch(i, k));
+        rows.push((0..=i).find(|row| !taken(*row)).unwrap_or(i));
+    }
+    let n = rows.iter().max().map_or(0, |m| m + 1);
+    (rows, n)
+}
+
 impl Figure {
     /// Values with intervals, one line per name, the first name on top; with vertical reference
     /// lines.
@@ -96,13 +119,21 @@ impl Figure {
             lines.iter().map(|l| format!("<i class=\"ref\" style=\"left:{}\"></i>", percent(share(l.at)))).collect();
         let _ = write!(html, "<div class=\"dots\" style=\"--lanes:{lanes}\">");
         if !lines.is_empty() {
-            let labels: String = lines
-                .iter()
-                .map(|l| {
-                    format!("<span class=\"at\" style=\"left:{}\">{}</span>", percent(share(l.at)), escape(&l.label))
-                })
-                .collect();
-            let _ = write!(html, "<span></span><span class=\"scale upper\">{labels}</span>");
+            let at: Vec<(f64, &str)> = lines.iter().map(|l| (share(l.at), l.label.as_str())).collect();
+            let (rows, n_rows) = rows_of_labels(&at);
+            let label = |((at, text), row): (&(f64, &str), &usize)| {
+                // within the plot at any width: moved left by as much of its own width as it lies right
+                let at = percent(*at);
+                let top = UPPER_REM * *row as f64;
+                format!(
+                    "<span class=\"at\" style=\"left:{at};transform:translateX(-{at});top:{top}rem\">{}</span>",
+                    escape(text)
+                )
+            };
+            let labels: String = at.iter().zip(&rows).map(label).collect();
+            let height = UPPER_REM * n_rows as f64;
+            let _ =
+                write!(html, "<span></span><span class=\"scale upper\" style=\"height:{height}rem\">{labels}</span>");
         }
         for (i, name) in names.iter().enumerate() {
             let _ = write!(html, "<span class=\"name\">{}</span><span class=\"lane\">{grid}{refs}", escape(name));
@@ -169,6 +200,15 @@ mod tests {
         assert!(html.contains("title=\"a, identified: 2.00 (1.50 to 2.50)\""), "{html}");
         assert!(html.contains("&lt;prior&gt;") && html.contains(">mass, kg<"));
         assert_eq!(html.matches("class=\"dot k").count(), 3, "a missing value has no dot");
+    }
+
+    #[test]
+    fn labels_of_lines_that_are_near_stand_in_rows() {
+        let (one, floor) = ("explains nothing", "noise floor");
+        assert_eq!(rows_of_labels(&[(0.95, one), (0.4, floor)]), (vec![0, 0], 1));
+        assert_eq!(rows_of_labels(&[(0.95, one), (0.8, floor), (0.1, "a")]), (vec![0, 1, 0], 2));
+        assert_eq!(rows_of_labels(&[(0.12, "floor"), (0.36, "3 ×")]), (vec![0, 0], 1));
+        assert_eq!(rows_of_labels(&[]), (vec![], 0));
     }
 
     #[test]

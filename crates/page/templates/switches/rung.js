@@ -15,7 +15,7 @@
     const bar = row.querySelector(".error");
     // the floor gives the scale of the ladder
     if (bar && floor && e.noise_floor) bar.style.width = Math.min(100, (floor * e.held_out_error) / e.noise_floor) + "%";
-    row.querySelector(".value").textContent = `${Studio.number(e.held_out_error)} N, ${Studio.times(e.times_floor)}`;
+    row.querySelector(".value").textContent = `${Studio.number(e.held_out_error)} N${e.times_floor ? ` · ${Studio.times(e.times_floor).replace(" floor", "")}, ${Studio.judged(e)}` : ""}`;
     list.append(row);
   };
   Studio.hear(rung);

@@ -10,7 +10,10 @@ const Studio = (() => {
   const unitOf = (u) => (u === "1" ? "" : " " + u.replace(/\^2/g, "²").replace(/\^3/g, "³").replace(/\*/g, "·"));
   // text whose parts between backticks are code
   const prose = (text) => text.split("`").map((part, i) => (i % 2 ? make("code", {}, part) : part.replace(/\^2/g, "²")));
-  const times = (v) => (v === null || v === undefined ? "" : v.toPrecision(2) + " × floor");
+  const two = (v) => (v >= 100 ? v.toFixed(0) : v.toPrecision(2));
+  const times = (v) => (v === null || v === undefined ? "" : two(v) + " × floor");
+  // the words of the commands (`Signal::in_words`)
+  const judged = (e) => (e.signal === "unknown" ? "not judged" : e.at_floor && e.signal === "good" ? "at the floor" : e.at_floor && e.signal === "fair" ? "at the floor, from tables" : e.signal);
   const same = (a, b) => a.length === b.length && a.every((k) => b.includes(k));
   // what differs from the present model: a choice of effects, or what a live page adds to it
   const others = [];
@@ -46,7 +49,7 @@ const Studio = (() => {
     if (!e) { at("which").textContent = which; return; }
     at("place").textContent = `Held-out error in ${e.judged_on}`;
     at("value").textContent = number(e.held_out_error) + " N";
-    at("times").textContent = times(e.times_floor) + (e.at_floor ? ", at the floor" : e.signal === "unknown" ? "" : ", " + e.signal);
+    at("times").textContent = [times(e.times_floor), judged(e)].filter(Boolean).join(", ");
     at("times").className = "studio-times " + e.signal;
     const most = 1.04 * Math.max(e.held_out_error, before?.held_out_error ?? 0, e.noise_floor_ci95?.[1] ?? 0, e.noise_floor ?? 0);
     const part = (v) => (100 * Math.min(1, Math.max(0, v / most))).toFixed(2) + "%";
@@ -65,7 +68,7 @@ const Studio = (() => {
     other.push(...gone.map((x) => `in ${x.judged_on}: ${S.source.later}`));
     if (preview() && before) other.unshift(`the present model: ${number(before.held_out_error)} N, ${times(before.times_floor)}`);
     at("other").replaceChildren(...prose(other.join(" · ")));
-    at("live").textContent = `${which.replaceAll("`", "")}: ${number(e.held_out_error)} newtons, ${times(e.times_floor)}${e.at_floor ? ", at the floor" : ""}`;
+    at("live").textContent = `${which.replaceAll("`", "")}: ${number(e.held_out_error)} newtons, ${times(e.times_floor)}, ${judged(e)}`;
     hears.forEach((hear) => hear());
   };
 
@@ -167,5 +170,5 @@ const Studio = (() => {
     switches();
     flip();
   };
-  return { S, at, make, prose, problem, show, coefficients, switches, buttons, flip, begin, preview, same, number, times, unitOf, place, present, put, list, hooks, others, recorded, hear: (f) => hears.push(f) };
+  return { S, at, make, prose, problem, show, coefficients, switches, buttons, flip, begin, preview, same, number, times, judged, unitOf, place, present, put, list, hooks, others, recorded, hear: (f) => hears.push(f) };
 })();

@@ -25,7 +25,7 @@
     // a revision has its own exact error; the switches the quick one
     const error = (value, model) => Studio.place(S.state.revisions.find((r) => String(r.revision) === value)?.errors ?? model?.errors ?? []);
     const errors = [left.value, right.value].map((v, i) => error(v, models[i]));
-    const rows = [["held-out error, N", ...errors.map((e) => (e ? number(e.held_out_error) : "–"))], ["ratio", ...errors.map((e) => (e ? times(e.times_floor) + (e.at_floor ? ", at the floor" : "") : "–"))]];
+    const rows = [["held-out error, N", ...errors.map((e) => (e ? number(e.held_out_error) : "–"))], ["ratio", ...errors.map((e) => (e ? `${times(e.times_floor)}, ${Studio.judged(e)}` : "–"))]];
     const sizes = models.map((m) => new Map(m?.coefficients ?? []));
     for (const n of new Set(sizes.flatMap((m) => [...m.keys()]))) rows.push([n, ...sizes.map((m) => (m.has(n) ? Numbers.short(m.get(n)) : "–"))]);
     const base = models.map((m) => new Map((m?.base ?? []).map((b) => [b[0], b])));
