@@ -76,7 +76,8 @@ mod tests {
     const PORT: u16 = 4711;
 
     fn studio() -> Arc<Studio> {
-        Studio::new(Box::new(|| Err(PipelineError::request("no study here"))), new_token().unwrap(), PORT).unwrap()
+        Studio::new(Box::new(|| Err(PipelineError::request("no study here"))), None, new_token().unwrap(), PORT)
+            .unwrap()
     }
 
     /// The status of a request with these headers; `TOKEN` stands for the right token.
