@@ -30,6 +30,30 @@ fn broken_files_give_one_line_each_and_the_others_go_on() {
     assert!(compared["held_out"]["force_n"]["mae"][2].as_f64().unwrap() < 10.0);
 }
 
+/// Copies would make every interval too narrow.
+#[test]
+fn a_copy_of_a_recording_is_no_further_evidence() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/chain_small.yaml", dir.path());
+    let ws = dir.path().join("ws").display().to_string();
+    let first = data.join("throws_01.c3d");
+    let pipeline = repo("pipelines/chain.yaml");
+    let call = |command: &[&str], code: i32| {
+        let places = [&pipeline, "--data", data.to_str().unwrap(), "--workspace", &ws];
+        expect(&[command, &places].concat(), code)
+    };
+    let _ = call(&["run"], 0);
+    let (before, _) = call(&["parameters", "--json"], 0);
+    fs::copy(&first, data.join("throws_91.c3d")).unwrap();
+    let (_, err) = call(&["run"], 1);
+    assert!(err.contains("throws_91") && err.contains("the same bytes as the recording throws_01"), "{err}");
+    let (after, _) = call(&["parameters", "--json"], 0);
+    assert_eq!(before, after);
+    // without the first, the copy is a recording like any other
+    fs::remove_file(&first).unwrap();
+    let _ = call(&["run"], 0);
+}
+
 #[test]
 fn results_of_a_recording_that_breaks_later_are_not_used_any_more() {
     let dir = folder();

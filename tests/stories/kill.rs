@@ -1,7 +1,7 @@
 //! A run killed at any moment can be resumed: it repeats nothing that was finished, and ends with
 //! the results of an undisturbed run.
 
-use crate::support::{folder, lab, repo};
+use crate::support::{another, folder, lab, repo};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -223,7 +223,7 @@ fn a_defect_beside_the_work_ends_the_run_and_leaves_whole_results() {
     let data = lab("fixtures/scenarios/chain_small.yaml", dir.path());
     // more results than the queue holds
     for i in 10..90 {
-        fs::copy(data.join("throws_01.c3d"), data.join(format!("throws_{i}.c3d"))).unwrap();
+        another(&data.join("throws_01.c3d"), &data.join(format!("throws_{i}.c3d")), i);
     }
     let ws = dir.path().join("ws");
     let places = Overrides { data: Some(data), workspace: Some(ws.clone()), ..Overrides::default() };

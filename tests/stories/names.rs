@@ -3,7 +3,7 @@
 //! lost, and a printed command refers to exactly the trial that it names.
 #![cfg(unix)]
 
-use crate::support::{aloft, expect, folder, json, repo};
+use crate::support::{aloft, another, expect, folder, json, repo};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
@@ -42,7 +42,8 @@ fn laboratory(at: &Path, names: &[&str]) {
         copy(name, &at.join(name));
     }
     for (i, name) in names.iter().enumerate() {
-        copy(&format!("throws_0{}.c3d", 1 + i % 3), &at.join(format!("{name}.c3d")));
+        let from = repo(&format!("fixtures/demo/throws_0{}.c3d", 1 + i % 3));
+        another(Path::new(&from), &at.join(format!("{name}.c3d")), i);
         fs::write(at.join(format!("{name}!.c3d")), b"").unwrap();
     }
 }

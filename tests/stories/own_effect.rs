@@ -1,7 +1,7 @@
 //! A user-defined effect: a law written as formulas is found, added, and gives the same result as
 //! the built-in law; errors in it are reported at their character.
 
-use crate::support::{expect, folder, json, repo};
+use crate::support::{expect, folder, json, lab, repo};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -188,4 +188,48 @@ fn a_law_that_gives_no_numbers_is_said_to_be_not_tried() {
     }
     let ladder = json(&["history", &p, "--workspace", &ws, "--json"]);
     assert_eq!(ladder["revisions"].as_array().unwrap().len(), 1, "{ladder}");
+}
+
+/// Pipelines of several bodies share the folder `effects` beside them: a law of one body does not
+/// disturb another, and a law of another laboratory is not taken for the one that was found.
+#[test]
+fn a_law_of_another_body_or_laboratory_is_not_mistaken() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/unlisted.yaml", dir.path()).display().to_string();
+    let pipelines = dir.path().join("pipelines");
+    fs::create_dir(&pipelines).unwrap();
+    for name in ["chain.yaml", "demo_human.yaml"] {
+        let text = fs::read_to_string(repo(&format!("pipelines/{name}"))).unwrap();
+        fs::write(pipelines.join(name), text.replace("../fixtures", &repo("fixtures"))).unwrap();
+    }
+    let of = |name: &str| pipelines.join(name).display().to_string();
+    let ws = dir.path().join("ws").display().to_string();
+    let words = [&of("chain.yaml"), "--data", &data, "--workspace", &ws];
+    expect(&[&["run"], &words[..]].concat(), 0);
+    let discovered = || json(&[&["discover"], &words[..], &["--json"]].concat());
+    let found = discovered();
+    let name = found["open"]["laws"][0]["id"].as_str().unwrap().to_owned();
+    // a law of that name from another laboratory: the same place, another direction
+    let effects = pipelines.join("effects");
+    fs::create_dir(&effects).unwrap();
+    let other = format!(
+        "id: {name}\npoint: {{link: link1}}\naxes: link\nforce: [\"0\", \"c\", \"0\"]\ncoefficients: [{{name: c, unit: N}}]\n"
+    );
+    fs::write(effects.join(format!("{name}.yaml")), other).unwrap();
+    let add = |key: &str, code| expect(&[&["effect", "add", words[0], key], &words[1..]].concat(), code);
+    let (_, err) = add(&name, 2);
+    let err = err.split(['\n', '│', ' ']).map(str::trim).filter(|w| !w.is_empty()).collect::<Vec<_>>().join(" ");
+    assert!(err.contains("is another law than the one that `discover` found"), "{err}");
+    // asked again, the search gives its law a name that is free
+    let again = discovered();
+    let free = again["open"]["laws"][0]["id"].as_str().unwrap();
+    assert_ne!(free, name);
+    let (out, _) = add(free, 0);
+    assert!(out.contains("at the floor"), "{out}");
+
+    let ws = dir.path().join("person").display().to_string();
+    let person = of("demo_human.yaml");
+    expect(&["run", &person, "--workspace", &ws, "--until", "import"], 0);
+    let (_, err) = expect(&["effect", "add", &person, &name, "--workspace", &ws], 2);
+    assert!(err.contains("which this body does not have"), "{err}");
 }

@@ -1,5 +1,6 @@
 //! Helpers for the stories: temporary folders, and calls of the binary.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -49,4 +50,13 @@ pub fn lab(scenario: &str, at: &Path) -> PathBuf {
     let out = at.join("lab");
     expect(&["simulate", &repo(scenario), "--out", &out.display().to_string()], 0);
     out
+}
+
+/// Writes a recording that differs from another one in the last digit of a sample: a copy is
+/// refused.
+pub fn another(from: &Path, to: &Path, number: usize) {
+    let mut bytes = fs::read(from).unwrap();
+    let at = bytes.len() - 3000 - 4 * number;
+    bytes[at] ^= 1;
+    fs::write(to, bytes).unwrap();
 }

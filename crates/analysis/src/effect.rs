@@ -16,6 +16,7 @@ use aloft_study::catalog;
 use aloft_study::config::PipelineConfig;
 use aloft_study::effects::{KnownEffects, OwnEffect, own_effects};
 use aloft_study::nearest;
+use aloft_study::quote;
 use aloft_study::ranges::parse_yaml;
 use aloft_study::revision::{ModelEffect, Revision, Revisions};
 use aloft_study::subject_session::SubjectSession;
@@ -297,9 +298,27 @@ impl Asked {
 /// pipeline, so that it is an effect of the user's own. `None` if `key` names no such law, or an
 /// effect that exists already.
 fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, PipelineError> {
-    let known = EFFECTS.iter().any(|e| e.is_called(key)) || session.own_effects.iter().any(|o| o.spec.id == key);
+    if let Some((other, link)) = session.effects_of_other_bodies.iter().find(|(o, _)| o.spec.id == key) {
+        return Err(PipelineError::request_hint(
+            format!("`{key}` acts on the link `{link}`, which this body does not have"),
+            format!("its file is {}", other.origin),
+        ));
+    }
+    let own = session.own_effects.iter().find(|o| o.spec.id == key);
+    let known = own.is_some() || EFFECTS.iter().any(|e| e.is_called(key));
     let found: Option<Kept<Discovery>> = seal::read_if_there(&session.workspace.join("discovery.json"))?;
     let law = found.and_then(|d| d.answer.open).and_then(|o| o.laws.into_iter().find(|l| l.id == key));
+    if let (Some(law), Some(own)) = (&law, own)
+        && !law.effect.is_same_law(&own.spec)
+    {
+        return Err(PipelineError::request_hint(
+            format!("`{key}` in {} is another law than the one that `discover` found on these recordings", own.origin),
+            format!(
+                "run `aloft discover {}` again: it gives its law a name that is free, and ranks the other law too",
+                quote::path(&session.config_path)
+            ),
+        ));
+    }
     let Some(law) = law.filter(|_| !known) else { return Ok(None) };
     let folder = session.effects_folder();
     let path = folder.join(format!("{key}.yaml"));

@@ -1,7 +1,7 @@
 //! The verdict of a discovery in its documented words, for the terminal and the report.
 
 use aloft_compare::significant;
-use aloft_discover::{Discovery, Group, Verdict};
+use aloft_discover::{Candidate, Discovery, Estimate, Group, Verdict};
 use aloft_effects::EffectKind;
 
 fn group(g: &Group) -> String {
@@ -34,6 +34,49 @@ pub fn words(d: &Discovery) -> String {
     }
 }
 
+/// The coefficient of a candidate that a table shows beside its minimum detectable size: of those
+/// of that unit, the one farthest from zero in its intervals.
+pub fn shown_coefficient(c: &Candidate) -> Option<&Estimate> {
+    let unit = &c.coefficients.first()?.unit;
+    let of_unit = || c.coefficients.iter().filter(|e| e.unit == *unit);
+    let size = |e: &Estimate| match e.ci95 {
+        Some([low, high]) if high > low => e.value.abs() / (high - low),
+        _ => 0.0,
+    };
+    let largest = of_unit().map(size).fold(0.0, f64::max);
+    of_unit().find(|e| size(e) >= largest)
+}
+
+/// What the evidence for the named effects is: what the first of them leaves of the error, and what
+/// chance alone would; none where none is named.
+pub fn how_sure(d: &Discovery) -> Option<String> {
+    if !matches!(d.verdict, Verdict::Supported | Verdict::OneOf) {
+        return None;
+    }
+    let round = d.rounds.iter().find(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf))?;
+    let here = |c: &&Candidate| !c.placebo && round.effects.contains(&c.effect);
+    let best = round.candidates.iter().filter(here).min_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio))?;
+    let (share, chance) = round.by_chance();
+    let unit = if best.judged_on == "contact" { "stretches of contact" } else { "flights or trials" };
+    let percent = |x: f64| format!("{:.0}", 100.0 * x);
+    let subject = if d.found.len() > 1 { format!("`{}` alone", best.key) } else { "it".to_owned() };
+    let all = if d.found.len() > 1 && d.held_out_error > 0.0 {
+        let left = d.held_out_error_after / d.held_out_error;
+        format!("; all {} effects together leave {} %", d.found.len(), percent(left))
+    } else {
+        String::new()
+    };
+    Some(format!(
+        "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{all}; by chance the best of all candidates leaves less \
+         than {} % in {} of 100 cases",
+        percent(best.held_out_ratio),
+        percent(best.ci95[0]),
+        percent(best.ci95[1]),
+        percent(chance),
+        percent(share)
+    ))
+}
+
 /// The verdict on the rows of the body.
 fn of_body(d: &Discovery) -> String {
     let kind = |id: &String| d.candidates.iter().find(|c| c.effect == *id).map(|c| c.kind);
@@ -50,7 +93,9 @@ fn of_body(d: &Discovery) -> String {
         Verdict::NothingMissing => "nothing missing".to_owned(),
         Verdict::Unexplained => "unexplained".to_owned(),
         Verdict::NotDetectable => {
-            let below = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
+            // a limit only where the estimate itself is below it
+            let small = |c: &&Candidate| c.coefficients.iter().all(|e| e.value.abs() < c.minimum_detectable);
+            let below = d.candidates.iter().find(|c| !c.placebo).filter(small).map_or(String::new(), |c| {
                 let unit = c.coefficients.first().map_or("", |e| e.unit.as_str());
                 format!(" (below {} {unit} of {})", significant(c.minimum_detectable, 2), c.key)
             });

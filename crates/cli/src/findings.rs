@@ -73,7 +73,7 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     let d = &view.discovery;
     out(labelled("verdict: ", &verdict::words(d)))?;
     errors(view)?;
-    if let Some(words) = how_sure(d) {
+    if let Some(words) = verdict::how_sure(d) {
         out(labelled("sure: ", &words))?;
     }
     if d.found.is_empty() || d.verdict == Verdict::Unexplained {
@@ -256,24 +256,6 @@ fn errors(view: &DiscoveryView) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Evidence for the effect found first, in one sentence.
-fn how_sure(d: &Discovery) -> Option<String> {
-    let first = d.found.first().filter(|_| d.verdict != Verdict::Unexplained)?;
-    let c = d.candidates.iter().find(|c| c.effect == first.effect)?;
-    let round = d.rounds.iter().find(|r| r.judged_on == c.judged_on && r.effects.contains(&c.effect))?;
-    let (share, chance) = round.by_chance();
-    let unit = if c.judged_on == "contact" { "stretches of contact" } else { "flights or trials" };
-    Some(format!(
-        "it leaves {:.0} % ({:.0} to {:.0} %) of the error in {unit} that were left out; by chance the best of all candidates leaves less \
-         than {:.0} % in {:.0} of 100 cases",
-        100.0 * c.held_out_ratio,
-        100.0 * c.ci95[0],
-        100.0 * c.ci95[1],
-        100.0 * chance,
-        100.0 * share
-    ))
-}
-
 /// Generalisations of what is named that fit no better: a rotor that contains the flywheel.
 fn no_better(d: &Discovery) -> Option<String> {
     let named = |id: &str| d.effects.iter().any(|e| e == id);
@@ -321,7 +303,7 @@ fn candidates(view: &DiscoveryView, shown: usize) -> Result<(), Stop> {
     let left: Vec<usize> = (1..=places).chain([6 + places]).collect();
     let mut t = table(&header).left(&left).wrapped(7 + places).optional(&[5 + places, 2 + places]);
     for c in all.iter().take(shown) {
-        let first = c.coefficients.first();
+        let first = verdict::shown_coefficient(c);
         let mut row = vec![c.key.clone()];
         row.extend((places > 0).then(|| c.judged_on.clone()));
         row.extend([

@@ -319,7 +319,7 @@ impl<'a> Session<'a> {
             prior: self.prior.clone(),
             warnings: Vec::new(),
             counter: self.counter.clone(),
-            by_stages: self.by_stages.clone(),
+            by_stages: self.by_stages,
             ..*self
         }
     }

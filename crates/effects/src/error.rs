@@ -13,7 +13,7 @@ pub enum EffectsError {
         known: String,
     },
     /// The effect needs a target, and none is given.
-    #[error("`{effect}` needs a target: {known}")]
+    #[error("`{effect}` needs a target; {known}")]
     NoTarget {
         #[doc(hidden)]
         effect: String,
@@ -21,7 +21,7 @@ pub enum EffectsError {
         known: String,
     },
     /// The effect does not act on this target.
-    #[error("`{effect}` cannot act on `{target}`; it can act on {known}")]
+    #[error("`{effect}` cannot act on `{target}`; {known}")]
     Target {
         #[doc(hidden)]
         effect: String,

@@ -92,21 +92,23 @@ impl<'a> EffectInstance<'a> {
                 _ => None,
             }
         });
+        // how it is written for each of its targets on this body
+        let keys = || {
+            let of = |t: &Target| match t.label(scene) {
+                label if label.is_empty() => format!("`{}`", found.id()),
+                label => format!("`{}[{label}]`", found.id()),
+            };
+            match targets.as_slice() {
+                [] => "this body has nothing that it acts on (joints with a motor, or plates)".to_owned(),
+                all => format!("there are {}", all.iter().map(of).collect::<Vec<_>>().join(", ")),
+            }
+        };
         match target {
             Some(target) => Ok(Self::new(found, target, scene)),
-            None if wanted.is_empty() => Err(EffectsError::NoTarget {
-                effect: found.id().to_owned(),
-                known: targets
-                    .iter()
-                    .map(|t| format!("`{}[{}]`", found.id(), t.label(scene)))
-                    .collect::<Vec<_>>()
-                    .join(", "),
-            }),
-            None => Err(EffectsError::Target {
-                effect: found.id().to_owned(),
-                target: wanted.to_owned(),
-                known: targets.iter().map(|t| format!("`{}`", t.label(scene))).collect::<Vec<_>>().join(", "),
-            }),
+            None if wanted.is_empty() => Err(EffectsError::NoTarget { effect: found.id().to_owned(), known: keys() }),
+            None => {
+                Err(EffectsError::Target { effect: found.id().to_owned(), target: wanted.to_owned(), known: keys() })
+            }
         }
     }
 

@@ -6,6 +6,7 @@ use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::key::key;
 use aloft_workspace::manifest::{Manifest, ROLE, WHOLE_STUDY};
+use aloft_workspace::qc::QcReason;
 use aloft_workspace::warning::Warnings;
 use aloft_workspace::workspace::Workspace;
 use rayon::prelude::*;
@@ -146,13 +147,29 @@ pub struct Recording {
     pub file: PathBuf,
     /// MOT file with forces, for TRC.
     pub forces: Option<PathBuf>,
+    /// The recording of the same session, before this one, that holds the same bytes.
+    pub copy_of: Option<String>,
 }
 
 impl Recording {
     /// The recording of a trial.
     pub fn of(trial: &TrialEntry) -> Self {
-        Self { name: trial.name.clone(), file: trial.file.clone(), forces: trial.forces.clone() }
+        Self { name: trial.name.clone(), file: trial.file.clone(), forces: trial.forces.clone(), copy_of: None }
     }
+}
+
+/// The first moving recording of the session that holds the same bytes as `trial`, if it stands
+/// before it: copies would count as independent evidence.
+fn copied_from<'s>(trial: &TrialEntry, session: &'s SubjectSession, workspace: &Workspace) -> Option<&'s TrialEntry> {
+    let size = |t: &TrialEntry| std::fs::metadata(&t.file).ok().map(|m| m.len()).filter(|n| *n > 0);
+    let mine = size(trial).filter(|_| trial.role.is_dynamic())?;
+    let before = session.included().filter(|t| t.role.is_dynamic()).take_while(|t| t.name != trial.name);
+    let alike: Vec<&TrialEntry> = before.filter(|t| t.file != trial.file && size(t) == Some(mine)).collect();
+    if alike.is_empty() {
+        return None;
+    }
+    let hash = workspace.input_hash(&trial.file).ok()?;
+    alike.into_iter().find(|t| workspace.input_hash(&t.file).is_ok_and(|other| other == hash))
 }
 
 /// Everything that the work of a stage may use besides its parameters.
@@ -190,7 +207,10 @@ impl<'a> StageInputs<'a> {
             results: Results::limited(workspace, ready),
             out,
             trial: trial.map(|t| t.name.as_str()),
-            recording: trial.filter(|_| stage.needs.contains(&Need::Recording)).map(Recording::of),
+            recording: trial.filter(|_| stage.needs.contains(&Need::Recording)).map(|t| Recording {
+                copy_of: copied_from(t, session, workspace).map(|first| first.name.clone()),
+                ..Recording::of(t)
+            }),
             ready,
             expected: session.included().map(|t| (t.name.clone(), t.role)).collect(),
             earlier: sound.then(|| workspace.place(stage.name, name)),
@@ -245,9 +265,25 @@ impl<'a> StageInputs<'a> {
         self.trial.ok_or_else(|| StageFailure::new("the stage was called without a trial"))
     }
 
-    /// The recording; an error for a stage that does not declare it as an input.
+    /// The recording; an error for a copy of another one of the session, and for a stage that does
+    /// not declare it as an input.
     pub fn recording(&self) -> Result<&Recording, StageFailure> {
-        self.recording.as_ref().ok_or_else(|| StageFailure::new("the stage was called without a recording"))
+        let recording = self.recording.as_ref();
+        let recording = recording.ok_or_else(|| StageFailure::new("the stage was called without a recording"))?;
+        match &recording.copy_of {
+            None => Ok(recording),
+            Some(first) => Err(StageFailure {
+                problem: format!(
+                    "{} holds the same bytes as the recording {first}: a copy is no further evidence",
+                    recording.file.display()
+                ),
+                hint: Some(format!(
+                    "remove the copy, or leave it out: `trials: {{exclude: [{{trial: {}, reason: copy}}]}}`",
+                    recording.name
+                )),
+                reason: Some(QcReason::CopiedRecording),
+            }),
+        }
     }
 }
 
@@ -366,6 +402,9 @@ pub fn inputs(
         match need {
             Need::Recording => {
                 if let Some(t) = trial {
+                    if let Some(first) = copied_from(t, session, workspace) {
+                        out.hashes.insert(format!("copy of {}", first.name), String::new());
+                    }
                     for path in std::iter::once(&t.file).chain(&t.forces).chain(&t.beside) {
                         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
                         // forces may be in another folder under the same name

@@ -2,7 +2,7 @@
 //! configurations; and that the documents list them.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests fail by panicking")]
 
-use aloft_pipeline::graph::{Need, Stage};
+use aloft_pipeline::graph::Stage;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::catalog;
 use aloft_study::subject_session::{Overrides, SubjectSession};

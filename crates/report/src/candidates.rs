@@ -61,7 +61,7 @@ fn table(real: &[&Candidate]) -> Table {
     let rows = real
         .iter()
         .map(|c| {
-            let first = c.coefficients.first();
+            let first = aloft_analysis::verdict::shown_coefficient(c);
             let alike: Vec<String> =
                 c.confused_with.iter().filter(|x| x.p_value > 0.05).map(|x| x.effect.clone()).collect();
             let believed = Cell::from(if c.believed { "yes" } else { "no" });

@@ -5,7 +5,8 @@ use super::lights::times;
 use super::standing::{PlaceError, asked, effects};
 use super::story::Story;
 use super::wording::{count, number, plus_minus, unit};
-use aloft_discover::{Candidate, Discovery, OpenWorld, Round, Verdict};
+use aloft_analysis::verdict;
+use aloft_discover::{Candidate, Discovery, OpenWorld, Verdict};
 
 /// Laws that explain the error where no effect of the catalogue does.
 pub(crate) fn laws(d: &Discovery) -> Option<&OpenWorld> {
@@ -128,8 +129,10 @@ fn evidence(story: &Story<'_>, d: &Discovery, first: Option<&PlaceError>) -> Opt
             open.entries
         ));
     }
-    let believed = matches!(d.verdict, Verdict::Supported | Verdict::OneOf);
-    if let (false, Some(found)) = (believed, d.found.first()) {
+    if let Some(words) = verdict::how_sure(d) {
+        return Some(sentence_of(&words));
+    }
+    if let Some(found) = d.found.first() {
         let first = first?;
         let (error, ratio) = after_all(story, first)?;
         let still = ratio.map_or(String::new(), |r| format!(", {} times the floor", times(r)));
@@ -141,21 +144,12 @@ fn evidence(story: &Story<'_>, d: &Discovery, first: Option<&PlaceError>) -> Opt
         ));
     }
     // candidates of flights and of contact leave shares of different errors
-    let judged = d.rounds.first().map(|r| r.judged_on.as_str());
-    let place = if believed { judged } else { first.map(|f| f.place.as_str()) };
+    let place = first.map(|f| f.place.as_str());
     let of = |c: &&Candidate| !c.placebo && c.held_out_ratio.is_finite() && Some(c.judged_on.as_str()) == place;
     let best = d.candidates.iter().filter(of).min_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio))?;
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
     let falls =
         format!("{} % ({} to {} %)", percent(best.held_out_ratio), percent(best.ci95[0]), percent(best.ci95[1]));
-    if believed {
-        let (share, chance) = d.rounds.first().map(Round::by_chance)?;
-        return Some(format!(
-            "The held-out error falls to {falls}; by chance it falls below {} % in {:.0} of 100 cases.",
-            percent(chance),
-            100.0 * share
-        ));
-    }
     let needed = match best.accepted_below {
         limit if limit > best.held_out_ratio => "; the interval is too wide to name it".to_owned(),
         limit if limit > 0.0 => format!("; to be named it would have to leave less than {} %", percent(limit)),

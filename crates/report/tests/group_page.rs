@@ -17,7 +17,12 @@ fn a_group_has_a_row_a_subject_and_says_who_is_absent() {
     let folder = tempfile::tempdir().unwrap();
     let (first, never_run) = (demo(&folder.path().join("s01")), demo(&folder.path().join("s02")));
     run(&first, &Selection::default(), &Silent).unwrap();
-    let member = |name: &str, session, link: &str| Member { name: name.to_owned(), session, link: link.to_owned() };
+    let member = |name: &str, session, link: &str| Member {
+        name: name.to_owned(),
+        session,
+        link: link.to_owned(),
+        switches: String::new(),
+    };
     let members = [
         member("s01", &first, "s01/report.html"),
         member("s01 <again>", &first, "s01/report.html"),

@@ -25,6 +25,8 @@ pub struct OwnEffect {
     text: String,
     /// Path of the effect within the file; empty if the file holds only this effect.
     path: String,
+    /// True if it stands in the folder `effects`, which all pipelines beside it share.
+    shared: bool,
 }
 
 impl OwnEffect {
@@ -32,7 +34,7 @@ impl OwnEffect {
     pub fn read(name: &str, dir: &Path) -> Result<Self, PipelineError> {
         let source = catalog::find("effects", name, dir)?;
         let spec = ranges::parse(&source.origin, &source.text)?;
-        Ok(Self { spec, origin: source.origin, text: source.text, path: String::new() })
+        Ok(Self { spec, origin: source.origin, text: source.text, path: String::new(), shared: false })
     }
 
     /// Reads a file that holds one effect, given by its path.
@@ -40,18 +42,30 @@ impl OwnEffect {
         let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
         let origin = path.display().to_string();
         let spec = ranges::parse(&origin, &text)?;
-        Ok(Self { spec, origin, text, path: String::new() })
+        Ok(Self { spec, origin, text, path: String::new(), shared: false })
     }
 
     /// An effect that is not in a file, as it would be read from one.
     pub fn described(spec: &FormulaEffect) -> Result<Self, PipelineError> {
-        Ok(Self { spec: spec.clone(), origin: spec.id.clone(), text: Self::text_of(spec)?, path: String::new() })
+        Ok(Self {
+            spec: spec.clone(),
+            origin: spec.id.clone(),
+            text: Self::text_of(spec)?,
+            path: String::new(),
+            shared: false,
+        })
     }
 
     /// A definition as the text of a file.
     pub fn text_of(spec: &FormulaEffect) -> Result<String, PipelineError> {
         serde_yaml::to_string(spec)
             .map_err(|e| PipelineError::request(format!("`{}` cannot be written as YAML: {e}", spec.id)))
+    }
+
+    /// Links at which it acts and that a body does not have.
+    fn links_missing_in(&self, model: &ModelSpec) -> Vec<&str> {
+        let there = |name: &str| ["body", "all"].contains(&name) || model.links.iter().any(|l| l.name == name);
+        self.spec.links().filter(|name| !there(name)).collect()
     }
 
     /// Compiles its formulas; an error points at the character.
@@ -111,11 +125,17 @@ pub fn own_effects(
     }
     for (i, spec) in config.effects.define.iter().enumerate() {
         let path = format!("effects.define[{i}]");
-        let one = OwnEffect { spec: spec.clone(), origin: file.to_owned(), text: text.to_owned(), path: path.clone() };
+        let one = OwnEffect {
+            spec: spec.clone(),
+            origin: file.to_owned(),
+            text: text.to_owned(),
+            path: path.clone(),
+            shared: false,
+        };
         add(&mut own, one, format!("{path}.id"))?;
     }
     for path in effect_files(dir)? {
-        let one = OwnEffect::read_file(&path)?;
+        let one = OwnEffect { shared: true, ..OwnEffect::read_file(&path)? };
         let named = |o: &OwnEffect| o.spec == one.spec;
         if own.iter().any(named) {
             continue;
@@ -153,6 +173,21 @@ fn effect_files(dir: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     }
     out.sort();
     Ok(out)
+}
+
+/// Divides effects into those that can act on a body and those of the folder `effects` that act on
+/// links of another one, each with the link that this body does not have: pipelines of several
+/// bodies may stand beside one folder.
+pub fn for_body(own: Vec<OwnEffect>, model: &ModelSpec) -> (Vec<OwnEffect>, Vec<(OwnEffect, String)>) {
+    let mut here = Vec::new();
+    let mut elsewhere = Vec::new();
+    for one in own {
+        match one.links_missing_in(model).first().map(|l| (*l).to_owned()).filter(|_| one.shared) {
+            Some(link) => elsewhere.push((one, link)),
+            None => here.push(one),
+        }
+    }
+    (here, elsewhere)
 }
 
 /// Compiles the formulas for the bare model, so that an error is reported before anything runs.

@@ -4,7 +4,7 @@
 use crate::catalog;
 use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig};
 use crate::data_set::DataSet;
-use crate::effects::{ModelEffects, OwnEffect, check_formulas, own_effects};
+use crate::effects::{ModelEffects, OwnEffect, check_formulas, for_body, own_effects};
 use crate::facts::{FactPlaces, Facts, find_facts};
 use crate::inherit::{PipelineFile, TrialSettings, Whose};
 use crate::osim::{OsimSetup, is_osim};
@@ -114,6 +114,9 @@ pub struct SubjectSession {
     pub plain_base: Vec<f64>,
     /// Effects that the pipeline defines or names in addition to the catalogue.
     pub own_effects: Vec<OwnEffect>,
+    /// Effects of the folder beside the pipeline that act on a link which this body does not have,
+    /// with that link.
+    pub effects_of_other_bodies: Vec<(OwnEffect, String)>,
     /// The anthropometric tables (unused for objects).
     pub anthropometry: aloft_scale::Anthropometry,
 }
@@ -249,7 +252,7 @@ impl SubjectSession {
         if let Some(mass_kg) = config.corrections.mass_kg {
             facts.stated_mass_kg = Some(std::mem::replace(&mut facts.person.mass_kg, mass_kg));
         }
-        let own_effects = own_effects(&config, &file, text, &dir)?;
+        let (own_effects, effects_of_other_bodies) = for_body(own_effects(&config, &file, text, &dir)?, &model);
         check_formulas(&own_effects, &model)?;
         aloft_workspace::format::refuse_other_format(&place.workspace)?;
         let revisions = crate::revision::Revisions::load(&place.workspace)?;
@@ -259,6 +262,7 @@ impl SubjectSession {
             effects,
             plain_base,
             own_effects,
+            effects_of_other_bodies,
             config,
             config_path: pipeline.path.clone(),
             config_text: text.clone(),
@@ -314,9 +318,10 @@ impl SubjectSession {
     pub fn with_own_effects_read_again(&self) -> Result<Self, PipelineError> {
         let file = self.config_path.display().to_string();
         let dir = self.config_path.parent().unwrap_or(Path::new(""));
-        let own_effects = own_effects(&self.config, &file, &self.config_text, dir)?;
+        let all = own_effects(&self.config, &file, &self.config_text, dir)?;
+        let (own_effects, effects_of_other_bodies) = for_body(all, &self.model);
         check_formulas(&own_effects, &self.model)?;
-        Ok(Self { own_effects, ..self.clone() })
+        Ok(Self { own_effects, effects_of_other_bodies, ..self.clone() })
     }
 
     /// Import settings of a trial (or of the session, for none).

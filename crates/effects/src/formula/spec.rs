@@ -48,6 +48,19 @@ pub struct FormulaEffect {
     pub documentation: String,
 }
 
+impl FormulaEffect {
+    /// Names of links at which its laws act, `body` and `all` among them.
+    pub fn links(&self) -> impl Iterator<Item = &str> {
+        self.point.iter().chain(self.parts.iter().map(|p| &p.point)).map(|p| p.link.as_str())
+    }
+
+    /// True if two definitions state the same law, whatever their titles and texts say.
+    pub fn is_same_law(&self, other: &Self) -> bool {
+        let bare = |e: &Self| Self { title: String::new(), documentation: String::new(), ..e.clone() };
+        bare(self) == bare(other)
+    }
+}
+
 fn both() -> ActsIn {
     ActsIn::Both
 }
