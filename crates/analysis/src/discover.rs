@@ -360,6 +360,11 @@ fn found(
     if let Some(e) = errors_after.iter().find(|e| Some(&e.judged_on) == judged.as_ref()) {
         found.held_out_error_after = e.held_out_error;
     }
+    let in_flight = errors_after.iter().find(|e| e.judged_on == "flight");
+    if let (Some(open), Some(e)) = (found.open.as_mut().filter(|o| !o.laws.is_empty()), in_flight) {
+        open.held_out_error_after = e.held_out_error;
+        open.times_floor_after = e.times_floor;
+    }
     found.joints = joint_laws(session, &found, &options)?;
     // JSON has no NaN: an error that is no number is not kept
     let mut answer = kept(session, made_from, found)?;

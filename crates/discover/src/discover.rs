@@ -12,7 +12,7 @@ use crate::options::DiscoverOptions;
 use crate::pairs::{Search, better_pair, pair_alone, pair_as_good};
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
-use crate::rank::judged_in;
+use crate::rank::{EffectScore, judged_in};
 use crate::result::{Discovery, FEWEST_CLUSTERS, Found, NotTried, Round, Verdict};
 use crate::rivals::Rival;
 use crate::round::{run_round, wanted};
@@ -260,8 +260,10 @@ pub fn discover(
                 round.missing = 1;
                 first_gain = first_gain.or(Some(gain));
                 let mut left = mean_square(rival);
+                // one that contains the chosen effect is no part of a pair beside it
+                let wider = |s: &EffectScore<'_>| s.effect.about().contains.contains(&rival.id());
                 let usable: Vec<bool> =
-                    scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
+                    scores.iter().map(|s| !s.placebo && !wider(s) && limit(s.effect, false, options) > 0.0).collect();
                 let search = Search {
                     session,
                     problem: &problem,

@@ -1,7 +1,7 @@
 //! The result of a discovery in words.
 
 use crate::held_out::HeldOutResult;
-use crate::laws::OpenWorld;
+use crate::laws::{OpenWorld, WHOLE_BODY};
 use crate::problem::Domain;
 use crate::result::{Candidate, Discovery, FEWEST_CLUSTERS, Verdict};
 use aloft_effects::{About, Effect, EffectKind};
@@ -248,6 +248,13 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
                 "a law found on these motions need not hold for others: record at other places, speeds and headings, and rank it again there"
                     .to_owned(),
             );
+            if d.open.iter().flat_map(|o| &o.laws).any(|l| l.carrier == WHOLE_BODY) {
+                out.push(
+                    "errors of the cameras that move all markers alike (a bent volume, a wrong scale or rate) look like a force on the whole body: \
+                     before you believe in a force, record the same motion at another place of the volume, and check the calibration with a known length"
+                        .to_owned(),
+                );
+            }
             if let Some(n) = d.open.as_ref().and_then(|o| o.next.as_ref()) {
                 out.push(format!(
                     "the next best law ({}) leaves {:.1} times its error; the same flights {} would tell the two apart best: they differ by {:.3} N \

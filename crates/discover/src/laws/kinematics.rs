@@ -16,11 +16,14 @@ pub enum Carrier {
     Link(usize),
 }
 
+/// Name of the whole body as a carrier.
+pub const WHOLE_BODY: &str = "body";
+
 impl Carrier {
     /// Name of the link, or `body`.
     pub fn name(self, scene: &Scene) -> String {
         match self {
-            Self::Body => "body".to_owned(),
+            Self::Body => WHOLE_BODY.to_owned(),
             Self::Link(i) => scene.model.links.get(i).map_or_else(|| format!("link{i}"), |l| l.name.clone()),
         }
     }

@@ -37,4 +37,5 @@ pub use kinematics::{Action, Carrier, Direction, Variable};
 pub use result::{Diagnosis, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Work};
 
 pub(crate) use form::misfit;
+pub(crate) use kinematics::WHOLE_BODY;
 pub(crate) use search::{Rivals, search};

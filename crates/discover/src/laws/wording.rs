@@ -180,7 +180,6 @@ pub(crate) fn documentation(text: &str, values: &[&Estimate], ratio: f64, p: f64
 
 /// The result of the search.
 pub(crate) fn answer(o: &OpenWorld) -> String {
-    let floor = o.times_floor_after.map_or(String::new(), |t| format!(", {t:.2} times the noise floor"));
     let stopped = o.stopped_after_s.map_or(String::new(), |s| {
         format!("; the search was stopped when its budget of {s} s was used up: more time may find more")
     });
@@ -205,7 +204,7 @@ pub(crate) fn answer(o: &OpenWorld) -> String {
             } else {
                 "part of the error follows a law outside the catalogue"
             };
-            format!("{lead}: {}; held-out error {:.3} N{floor}", each.join("; and "), o.held_out_error_after)
+            format!("{lead}: {}", each.join("; and "))
         }
     };
     found + &stopped
