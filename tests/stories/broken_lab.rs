@@ -55,6 +55,21 @@ fn a_copy_of_a_recording_is_no_further_evidence() {
 }
 
 #[test]
+fn recordings_that_name_two_persons_are_said_beside_the_result() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/human_small.yaml", dir.path());
+    let ws = dir.path().join("ws").display().to_string();
+    let pipeline = repo("pipelines/human.yaml");
+    let call = |command: &str| expect(&[command, &pipeline, "--data", data.to_str().unwrap(), "--workspace", &ws], 0).0;
+    assert!(!call("run").contains("persons"));
+    fs::copy(repo("fixtures/human_twin/jump02.c3d"), data.join("jump92.c3d")).unwrap();
+    let said = call("run");
+    let line = said.lines().skip_while(|l| !l.starts_with("persons")).take(3).collect::<Vec<_>>().join(" ");
+    assert!(line.contains("in jump92") && line.contains("one body is made of all of them"), "{said}");
+    assert!(call("check").contains("persons named by the files"));
+}
+
+#[test]
 fn results_of_a_recording_that_breaks_later_are_not_used_any_more() {
     let dir = folder();
     let data = lab("fixtures/scenarios/chain_small.yaml", dir.path());

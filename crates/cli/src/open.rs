@@ -21,9 +21,9 @@ pub fn open(args: &PipelineArgs) -> Result<SubjectSession, Stop> {
     Ok(open_all(args)?.only()?)
 }
 
-/// Opens one subject of a pipeline again and again, and the whole study if it has several; the first
-/// time here, so that its notes are shown once. Of several subjects of which none is chosen the
-/// first is opened.
+/// Opens one subject of a pipeline again and again, and the whole study if it has several; the
+/// first time here, so that its notes are shown once. Of several subjects of which none is chosen
+/// the first is opened.
 pub fn openers(args: &PipelineArgs) -> Result<(aloft_studio::Opener, Option<aloft_studio::SetOpener>), Stop> {
     let set = open_all(args)?;
     let (mut one, all) = (args.clone(), Overrides { subjects: Vec::new(), sessions: Vec::new(), ..overrides(args) });

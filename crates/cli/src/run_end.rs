@@ -10,7 +10,7 @@ use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, compare};
 use aloft_analysis::corrections::offers;
 use aloft_analysis::next_step::{NextStep, next_step};
-use aloft_analysis::session_check::session_check;
+use aloft_analysis::session_check::{persons, session_check};
 use aloft_analysis::summary::Summary;
 use aloft_pipeline::runner::{BatchReport, Ended, RunReport};
 use aloft_study::data_set::DataSet;
@@ -86,6 +86,11 @@ pub fn show(
             if let Some(line) = to_do(many) {
                 out(line)?;
             }
+        }
+    }
+    for session in &set.members {
+        if let Some(line) = persons(session) {
+            out(labelled("persons     ", &line.words))?;
         }
     }
     if let Some(summary) = summary {

@@ -42,6 +42,7 @@ impl Trial {
         leave_out_stuck(&mut trial);
         read_events(&mut trial, file);
         trial.recorded = recorded::of_c3d(file);
+        trial.person = person_of(file);
         trial.start_s = (f64::from(file.first_frame) - 1.0).max(0.0) / file.point_rate_hz;
         let screen = file.groups.get("POINT", "Y_SCREEN").and_then(|p| p.string());
         to_world(&mut trial, options, screen.as_deref().and_then(UpAxis::parse), UpAxis::Z);
@@ -75,6 +76,13 @@ impl Trial {
         correct_reaction_sign(&mut trial);
         Ok(trial)
     }
+}
+
+/// The one person that SUBJECTS:NAMES states.
+fn person_of(file: &C3dFile) -> Option<String> {
+    let names: Vec<String> = file.groups.get("SUBJECTS", "NAMES").map(|p| p.strings()).unwrap_or_default();
+    let mut named = names.iter().map(|n| n.trim()).filter(|n| !n.is_empty());
+    named.next().filter(|_| named.next().is_none()).map(str::to_owned)
 }
 
 /// The date in the header of a TRC (a line of keys above a line of values) or MOT (`key=value`)

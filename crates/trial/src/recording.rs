@@ -102,6 +102,8 @@ pub struct Trial {
     pub world_from_source: Rotation3<f64>,
     /// When the recording was made, if its file states it.
     pub recorded: Option<RecordedAt>,
+    /// The person that the file names (SUBJECTS:NAMES), if it names exactly one.
+    pub person: Option<String>,
     /// Time of the first frame by the frame numbers or the time column of the source, s.
     pub start_s: f64,
     /// Irregularities found during import.

@@ -23,6 +23,8 @@ struct TrialHead {
     computed: Vec<ComputedHead>,
     world_from_source: Rotation3<f64>,
     recorded: Option<RecordedAt>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    person: Option<String>,
     start_s: f64,
     warnings: Vec<String>,
     /// Subject of each of the `warnings`.
@@ -80,6 +82,7 @@ pub fn save_trial(dir: &Path, trial: &Trial) -> Result<(), PipelineError> {
             .collect(),
         world_from_source: trial.world_from_source,
         recorded: trial.recorded.clone(),
+        person: trial.person.clone(),
         start_s: trial.start_s,
         warnings: trial.warnings.iter().map(|w| w.message.clone()).collect(),
         warning_kinds: trial.warnings.iter().map(|w| w.kind).collect(),
@@ -184,6 +187,7 @@ fn load(head: TrialHead, dir: &Path, points: bool) -> Result<Trial, PipelineErro
         computed,
         world_from_source: head.world_from_source,
         recorded: head.recorded,
+        person: head.person,
         start_s: head.start_s,
         warnings: head
             .warnings

@@ -122,7 +122,8 @@ impl Figure {
             let at: Vec<(f64, &str)> = lines.iter().map(|l| (share(l.at), l.label.as_str())).collect();
             let (rows, n_rows) = rows_of_labels(&at);
             let label = |((at, text), row): (&(f64, &str), &usize)| {
-                // within the plot at any width: moved left by as much of its own width as it lies right
+                // within the plot at any width: moved left by the share of its own width at which
+                // it lies
                 let at = percent(*at);
                 let top = UPPER_REM * *row as f64;
                 format!(

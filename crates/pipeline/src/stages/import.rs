@@ -20,7 +20,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "import",
-    version: 6,
+    version: 7,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set (robots: joint log, base pose)",
@@ -146,6 +146,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     done.note("duration_s", quality.duration_s);
     if let Some(at) = &trial.recorded {
         done.note("recorded", json!(at));
+    }
+    if let Some(person) = &trial.person {
+        done.note("person", person.as_str());
     }
     if let Some(found) = aloft_trial::smoothing(&trial, marker_set.markerless.is_some()) {
         done.note("smoothed_hz", (10.0 * found.cutoff_hz).round() / 10.0);

@@ -235,6 +235,7 @@ pub fn import(
             computed: Vec::new(),
             world_from_source: Rotation3::identity(),
             recorded: None,
+            person: None,
             start_s: log.time_s[0],
             warnings: Vec::new(),
         },
