@@ -3,7 +3,7 @@
 
     V/bin/python tests/peers/report_frames.py REPORT.html [--seconds 4] [--chromium PATH]
 
-(`studio_browser.py` says how to make V.) A page of 100 recordings: copies of one recording of the demonstration, `aloft run`, `aloft report`.
+(`studio_browser.py` says how to make V.) A page of 100 recordings: one recording of the demonstration many times over, as `studio_tasks.py` makes them, `aloft run`, `aloft report`.
 """
 import argparse
 import pathlib
