@@ -161,10 +161,9 @@ impl Recording {
 /// The first moving recording of the session that holds the same bytes as `trial`, if it stands
 /// before it: copies would count as independent evidence.
 fn copied_from<'s>(trial: &TrialEntry, session: &'s SubjectSession, workspace: &Workspace) -> Option<&'s TrialEntry> {
-    let size = |t: &TrialEntry| std::fs::metadata(&t.file).ok().map(|m| m.len()).filter(|n| *n > 0);
-    let mine = size(trial).filter(|_| trial.role.is_dynamic())?;
-    let before = session.included().filter(|t| t.role.is_dynamic()).take_while(|t| t.name != trial.name);
-    let alike: Vec<&TrialEntry> = before.filter(|t| t.file != trial.file && size(t) == Some(mine)).collect();
+    let moving = |t: &&TrialEntry| t.role.is_dynamic();
+    let others = session.before_of_same_size(trial).filter(moving).filter(|t| t.file != trial.file);
+    let alike: Vec<&TrialEntry> = others.filter(|_| trial.role.is_dynamic()).collect();
     if alike.is_empty() {
         return None;
     }

@@ -21,8 +21,9 @@ use aloft_trial::MarkerSet;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// Role of a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -119,7 +120,13 @@ pub struct SubjectSession {
     pub effects_of_other_bodies: Vec<(OwnEffect, String)>,
     /// The anthropometric tables (unused for objects).
     pub anthropometry: aloft_scale::Anthropometry,
+    /// Sizes of the recordings' files, read when they are first asked for.
+    pub sizes: FileSizes,
 }
+
+/// Indices of trials by the sizes of their files.
+#[derive(Debug, Clone, Default)]
+pub struct FileSizes(OnceLock<HashMap<u64, Vec<usize>>>);
 
 /// Settings that the command line can replace.
 #[derive(Debug, Clone, Default)]
@@ -263,6 +270,7 @@ impl SubjectSession {
             plain_base,
             own_effects,
             effects_of_other_bodies,
+            sizes: FileSizes::default(),
             config,
             config_path: pipeline.path.clone(),
             config_text: text.clone(),
@@ -352,6 +360,23 @@ impl SubjectSession {
     /// Trials that are not excluded.
     pub fn included(&self) -> impl Iterator<Item = &TrialEntry> {
         self.trials.iter().filter(|t| t.excluded.is_none())
+    }
+
+    /// The included trials before `trial` whose files have the same size, in order. Sizes are those of
+    /// the first call; empty files have none.
+    pub fn before_of_same_size(&self, trial: &TrialEntry) -> impl Iterator<Item = &TrialEntry> {
+        let by_size = self.sizes.0.get_or_init(|| {
+            let mut out: HashMap<u64, Vec<usize>> = HashMap::new();
+            for (i, t) in self.trials.iter().enumerate().filter(|(_, t)| t.excluded.is_none()) {
+                if let Some(size) = std::fs::metadata(&t.file).ok().map(|m| m.len()).filter(|n| *n > 0) {
+                    out.entry(size).or_default().push(i);
+                }
+            }
+            out
+        });
+        let place = self.trials.iter().position(|t| t.name == trial.name).unwrap_or_default();
+        let alike = std::fs::metadata(&trial.file).ok().and_then(|m| by_size.get(&m.len()));
+        alike.into_iter().flatten().filter(move |i| **i < place).map(|i| &self.trials[*i])
     }
 
     /// Gravity in the world frame, m/s².
