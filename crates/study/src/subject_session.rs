@@ -362,8 +362,8 @@ impl SubjectSession {
         self.trials.iter().filter(|t| t.excluded.is_none())
     }
 
-    /// The included trials before `trial` whose files have the same size, in order. Sizes are those of
-    /// the first call; empty files have none.
+    /// The included trials before `trial` whose files have the same size, in order. Sizes are those
+    /// of the first call; empty files have none.
     pub fn before_of_same_size(&self, trial: &TrialEntry) -> impl Iterator<Item = &TrialEntry> {
         let by_size = self.sizes.0.get_or_init(|| {
             let mut out: HashMap<u64, Vec<usize>> = HashMap::new();
