@@ -30,9 +30,9 @@ fn broken_files_give_one_line_each_and_the_others_go_on() {
     assert!(compared["held_out"]["force_n"]["mae"][2].as_f64().unwrap() < 10.0);
 }
 
-/// Copies would make every interval too narrow.
+/// The same data counted twice would make every interval too narrow.
 #[test]
-fn a_copy_of_a_recording_is_no_further_evidence() {
+fn a_copy_of_a_recording_is_refused() {
     let dir = folder();
     let data = lab("fixtures/scenarios/chain_small.yaml", dir.path());
     let ws = dir.path().join("ws").display().to_string();
@@ -46,7 +46,7 @@ fn a_copy_of_a_recording_is_no_further_evidence() {
     let (before, _) = call(&["parameters", "--json"], 0);
     fs::copy(&first, data.join("throws_91.c3d")).unwrap();
     let (_, err) = call(&["run"], 1);
-    assert!(err.contains("throws_91") && err.contains("the same bytes as the recording throws_01"), "{err}");
+    assert!(err.contains("throws_91") && err.contains("the same content as the recording throws_01"), "{err}");
     let (after, _) = call(&["parameters", "--json"], 0);
     assert_eq!(before, after);
     // without the first, the copy is a recording like any other
@@ -55,7 +55,7 @@ fn a_copy_of_a_recording_is_no_further_evidence() {
 }
 
 #[test]
-fn recordings_that_name_two_persons_are_said_beside_the_result() {
+fn recordings_that_name_two_persons_are_reported_with_the_result() {
     let dir = folder();
     let data = lab("fixtures/scenarios/human_small.yaml", dir.path());
     let ws = dir.path().join("ws").display().to_string();
@@ -64,9 +64,9 @@ fn recordings_that_name_two_persons_are_said_beside_the_result() {
     assert!(!call("run").contains("persons"));
     fs::copy(repo("fixtures/human_twin/jump02.c3d"), data.join("jump92.c3d")).unwrap();
     let said = call("run");
-    let line = said.lines().skip_while(|l| !l.starts_with("persons")).take(3).collect::<Vec<_>>().join(" ");
-    assert!(line.contains("in jump92") && line.contains("one body is made of all of them"), "{said}");
-    assert!(call("check").contains("persons named by the files"));
+    let line = said.lines().skip_while(|l| !l.starts_with("persons")).take(4).collect::<Vec<_>>().join(" ");
+    assert!(line.contains("in jump92") && line.contains("all of them were used for one body"), "{said}");
+    assert!(call("check").contains("persons named in the files"));
 }
 
 #[test]

@@ -193,7 +193,7 @@ fn a_law_that_gives_no_numbers_is_said_to_be_not_tried() {
 /// Pipelines of several bodies share the folder `effects` beside them: a law of one body does not
 /// disturb another, and a law of another laboratory is not taken for the one that was found.
 #[test]
-fn a_law_of_another_body_or_laboratory_is_not_mistaken() {
+fn laws_of_other_bodies_and_laboratories_are_kept_apart() {
     let dir = folder();
     let data = lab("fixtures/scenarios/unlisted.yaml", dir.path()).display().to_string();
     let pipelines = dir.path().join("pipelines");
@@ -219,7 +219,7 @@ fn a_law_of_another_body_or_laboratory_is_not_mistaken() {
     let add = |key: &str, code| expect(&[&["effect", "add", words[0], key], &words[1..]].concat(), code);
     let (_, err) = add(&name, 2);
     let err = err.split(['\n', '│', ' ']).map(str::trim).filter(|w| !w.is_empty()).collect::<Vec<_>>().join(" ");
-    assert!(err.contains("is another law than the one that `discover` found"), "{err}");
+    assert!(err.contains("is not the law that `discover` found"), "{err}");
     // asked again, the search gives its law a name that is free
     let again = discovered();
     let free = again["open"]["laws"][0]["id"].as_str().unwrap();

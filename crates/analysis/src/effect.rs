@@ -312,9 +312,9 @@ fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, Pip
         && !law.effect.is_same_law(&own.spec)
     {
         return Err(PipelineError::request_hint(
-            format!("`{key}` in {} is another law than the one that `discover` found on these recordings", own.origin),
+            format!("`{key}` in {} is not the law that `discover` found on these recordings", own.origin),
             format!(
-                "run `aloft discover {}` again: it gives its law a name that is free, and ranks the other law too",
+                "run `aloft discover {}` again: it will give its law an unused name, and rank the law in the file as well",
                 quote::path(&session.config_path)
             ),
         ));

@@ -4,6 +4,7 @@
 mod bodies;
 mod choice;
 mod facts;
+mod look;
 mod osim;
 mod quiet;
 mod roles;
@@ -11,30 +12,19 @@ mod subjects;
 mod versions;
 
 use self::facts::{StatedFacts, agreed, force_patterns};
+use self::look::{Determination, look, name_pattern};
 use crate::laboratories;
-use aloft_pipeline::recording::read_file;
 use aloft_study::catalog;
 use aloft_study::data_set::guess_subjects;
 use aloft_study::opencap;
 use aloft_study::quote;
-use aloft_study::recordings::{bids_beside, is_bids, recordings_below, stem_of};
-use aloft_trial::{ImportOptions, Trial};
+use aloft_study::recordings::{is_bids, recordings_below};
+use aloft_trial::Trial;
 use aloft_workspace::error::PipelineError;
 use nalgebra::Vector3;
-use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-
-struct Determination {
-    relative: String,
-    stem: String,
-    trial: Trial,
-    /// Length unit that the file states.
-    unit: String,
-    /// Body facts that the file states.
-    stated: StatedFacts,
-}
 
 /// How recordings are sorted into folders.
 struct Layout {
@@ -46,9 +36,6 @@ struct Layout {
 
 /// Largest movement of the median marker in frames that can stand in for a static trial, m.
 const STANDS_M: f64 = 0.02;
-/// Number of recordings to read; the others are assumed to be alike.
-const LOOKED_AT: usize = 60;
-
 /// What a user knows about the folder.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct InitOptions {
@@ -98,7 +85,7 @@ pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<
         ));
     }
     let files = recordings_below(folder)?;
-    let (seen, broken) = look(folder, &layout, &files);
+    let (seen, broken) = look(folder, &layout.subjects, &files);
     if seen.is_empty() {
         return Err(PipelineError::request_hint(
             format!("{}: no recording could be read ({} files tried)", folder.display(), broken.len()),
@@ -221,77 +208,6 @@ fn folder_patterns(names: &[String]) -> Vec<String> {
     }
 }
 
-/// Pattern for all recordings named like this one: its BIDS task, or its name without the number at
-/// the end.
-fn name_pattern(stem: &str) -> String {
-    if let Some(task) = stem.split('_').find(|p| p.starts_with("task-")) {
-        return format!("**/*{}*", quote::pattern(task));
-    }
-    let base = stem.trim_end_matches(|c: char| c.is_ascii_digit());
-    format!("**/{}*", quote::pattern(if base.is_empty() { stem } else { base }))
-}
-
-fn look(folder: &Path, layout: &Layout, files: &[PathBuf]) -> (Vec<Determination>, Vec<String>) {
-    // of many subjects, read the first recordings of each kind and subject
-    let share = if layout.subjects.is_empty() { usize::MAX } else { LOOKED_AT.div_ceil(layout.subjects.len()).max(12) };
-    let mut taken: BTreeMap<String, usize> = BTreeMap::new();
-    let mut chosen: Vec<&PathBuf> = Vec::new();
-    for file in files {
-        let group = file.components().next().map(|c| c.as_os_str().to_string_lossy().into_owned()).unwrap_or_default();
-        // two recordings are enough for names that differ only by a number
-        let kind = name_pattern(&stem_of(file));
-        let n = taken.entry(format!("{group}/{kind}")).or_default();
-        *n += 1;
-        if layout.subjects.is_empty() || (*n <= 2 && chosen.len() < share * layout.subjects.len()) {
-            chosen.push(file);
-        }
-    }
-    let looked: Vec<Result<Determination, String>> = chosen
-        .par_iter()
-        .map(|relative| {
-            let path = folder.join(relative);
-            let stem = stem_of(&path);
-            let trial = read_file(&stem, &path, None, &ImportOptions::default()).map_err(|f| f.problem)?;
-            let parts: Vec<_> = relative.components().map(|c| c.as_os_str().to_string_lossy()).collect();
-            let stated = StatedFacts::of(&path);
-            Ok(Determination { relative: parts.join("/"), stem, unit: stated_unit(&path), stated, trial })
-        })
-        .collect();
-    let mut seen = Vec::new();
-    let mut broken = Vec::new();
-    for one in looked {
-        match one {
-            Ok(s) => seen.push(s),
-            Err(problem) => broken.push(problem),
-        }
-    }
-    (seen, broken)
-}
-
-/// Length unit that a file states: POINT:UNITS of C3D, `Units` of TRC.
-fn stated_unit(path: &Path) -> String {
-    if is_bids(path) {
-        let channels = bids_beside(path).into_iter().find(|p| p.to_string_lossy().ends_with("_channels.tsv"));
-        let text = channels.and_then(|p| std::fs::read_to_string(p).ok()).unwrap_or_default();
-        let at = text.lines().next().and_then(|h| h.split('\t').position(|c| c.trim() == "units"));
-        let position = text.lines().find(|l| l.split('\t').any(|c| c.trim() == "POS"));
-        return position
-            .zip(at)
-            .and_then(|(l, i)| l.split('\t').nth(i))
-            .map(|u| u.trim().to_owned())
-            .unwrap_or_default();
-    }
-    let Ok(bytes) = std::fs::read(path) else { return String::new() };
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {
-        return aloft_c3d::C3dFile::from_bytes(&bytes).map(|f| f.point_unit.trim().to_owned()).unwrap_or_default();
-    }
-    let text = String::from_utf8_lossy(&bytes);
-    let mut lines = text.lines().skip(1);
-    let (keys, values) = (lines.next().unwrap_or_default(), lines.next().unwrap_or_default());
-    let place = keys.split('\t').position(|k| k.trim() == "Units");
-    place.and_then(|i| values.split('\t').nth(i)).map(|u| u.trim().to_owned()).unwrap_or_default()
-}
-
 /// Axis of the recording that points up.
 fn up_axis(trial: &Trial) -> String {
     let up = trial.world_from_source.inverse() * Vector3::z();
@@ -309,24 +225,6 @@ fn shares(values: impl Iterator<Item = String>) -> String {
         1 => counts.into_keys().collect(),
         _ => counts.iter().map(|(v, n)| format!("{v} ({n} recordings)")).collect::<Vec<_>>().join(", "),
     }
-}
-
-/// True for quiet standing: the median marker moves less than 2 cm about its mean.
-fn is_still(trial: &Trial) -> bool {
-    let mut spreads: Vec<f64> = trial
-        .markers
-        .trajectories
-        .iter()
-        .filter_map(|t| {
-            let valid: Vec<&Vector3<f64>> = t.iter().filter(|p| p.x.is_finite()).collect();
-            let n = valid.len() as f64;
-            (n > 10.0).then(|| {
-                let mean = valid.iter().fold(Vector3::zeros(), |a, p| a + **p) / n;
-                (valid.iter().map(|p| (**p - mean).norm_squared()).sum::<f64>() / n).sqrt()
-            })
-        })
-        .collect();
-    aloft_signal::upper_median(&mut spreads).is_some_and(|s| s < 0.02)
 }
 
 /// Recordings with one role: by name for one subject, by pattern for several.
@@ -391,8 +289,10 @@ fn write(
     line(format!("name: {}", name.replace(|c: char| !c.is_alphanumeric() && c != '-' && c != '_', "_")));
     line(format!("data: {}", quote::yaml(&data)));
     line(format!(
-        "# {n_files} recordings at {} Hz; up to {plates} force plates",
+        "# {n_files} recordings at {} Hz{}",
         rates.into_iter().collect::<Vec<_>>().join(", "),
+        // forces in files of their own are not read here
+        if plates > 0 { format!("; up to {plates} force plates") } else { String::new() },
     ));
     line(format!(
         "# lengths in {}; upward: {}",

@@ -26,6 +26,7 @@ pub mod next_step;
 pub mod notes;
 pub mod own_laws;
 pub mod parameters;
+pub mod persons;
 pub mod promise;
 mod results;
 pub mod session_check;

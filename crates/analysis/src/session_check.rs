@@ -5,10 +5,10 @@
 //! from an identified model. A line without an interval is a reading, not a measurement with known
 //! error.
 
+use crate::persons::{persons, several_persons};
 use aloft_flight::{Coverage, FlightReport, ImpulseMass, PlateDelay, PlateTare, TareSource, Unmeasured};
 use aloft_identify::half95;
 use aloft_ik::{IkReport, LabelExchange};
-use aloft_pipeline::recording::abridged;
 use aloft_signal::mean_and_deviation;
 use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::artifact::{load_markers, load_trial_without_points};
@@ -16,7 +16,6 @@ use aloft_workspace::json::read_json;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use std::collections::BTreeMap;
 
 /// How a measurement stands to its expectation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -110,7 +109,7 @@ impl Source<'_> {
 pub fn session_check(session: &SubjectSession) -> SessionCheck {
     let source = Source { session, ws: Workspace::open(&session.workspace) };
     let mut lines = Vec::new();
-    lines.extend(persons(session));
+    lines.extend(persons_line(session));
     timing(&source, &mut lines);
     weights(&source, &mut lines);
     tares(&source, &mut lines);
@@ -120,36 +119,18 @@ pub fn session_check(session: &SubjectSession) -> SessionCheck {
     SessionCheck { lines }
 }
 
-/// The persons that the files name, where they differ: recordings of two people give one body that
-/// is neither.
-pub fn persons(session: &SubjectSession) -> Option<SessionLine> {
-    let ws = Workspace::open(&session.workspace);
-    let mut named: BTreeMap<String, (String, Vec<String>)> = BTreeMap::new();
-    for trial in session.included() {
-        let manifest = ws.manifest("import", &trial.name).filter(|m| m.is_ok());
-        let Some(name) = manifest.as_ref().and_then(|m| m.summary.get("person")?.as_str()) else { continue };
-        // capitals, spaces and signs do not make another person
-        let key = name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
-        named.entry(key).or_insert_with(|| (name.to_owned(), Vec::new())).1.push(trial.name.clone());
-    }
-    if named.len() < 2 {
-        return None;
-    }
-    let each: Vec<String> = named.values().map(|(name, trials)| format!("`{name}` in {}", abridged(trials))).collect();
+fn persons_line(session: &SubjectSession) -> Option<SessionLine> {
+    let persons = persons(session);
     Some(SessionLine {
         id: "persons",
-        what: "persons named by the files".to_owned(),
-        value: named.len() as f64,
+        what: "persons named in the files".to_owned(),
+        value: persons.len() as f64,
         unit: "persons",
         ci95: None,
         expected: Some(1.0),
-        n: named.values().map(|v| v.1.len()).sum(),
+        n: persons.iter().map(|p| p.trials.len()).sum(),
         standing: LineStanding::Differs,
-        words: format!(
-            "{}; one body is made of all of them: leave the recordings of the others out (`trials: {{exclude: …}}`), unless these are names of one \
-             person",
-            each.join(", ")
-        ),
+        words: several_persons(&persons)?,
     })
 }
 

@@ -34,17 +34,24 @@ pub fn words(d: &Discovery) -> String {
     }
 }
 
+/// Coefficients in the unit of the first one, which is that of the minimum detectable size.
+fn of_first_unit(c: &Candidate) -> impl Iterator<Item = &Estimate> {
+    c.coefficients.iter().filter(|e| c.coefficients.first().is_some_and(|first| first.unit == e.unit))
+}
+
+/// What tables say of the coefficient that they show.
+pub const SHOWN: &str =
+    "coefficient: of several, the one farthest from zero; its interval does not allow for that choice";
+
 /// The coefficient of a candidate that a table shows beside its minimum detectable size: of those
 /// of that unit, the one farthest from zero in its intervals.
 pub fn shown_coefficient(c: &Candidate) -> Option<&Estimate> {
-    let unit = &c.coefficients.first()?.unit;
-    let of_unit = || c.coefficients.iter().filter(|e| e.unit == *unit);
     let size = |e: &Estimate| match e.ci95 {
         Some([low, high]) if high > low => e.value.abs() / (high - low),
         _ => 0.0,
     };
-    let largest = of_unit().map(size).fold(0.0, f64::max);
-    of_unit().find(|e| size(e) >= largest)
+    let largest = of_first_unit(c).map(size).fold(0.0, f64::max);
+    of_first_unit(c).find(|e| size(e) >= largest)
 }
 
 /// What the evidence for the named effects is: what the first of them leaves of the error, and what
@@ -60,9 +67,11 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     let unit = if best.judged_on == "contact" { "stretches of contact" } else { "flights or trials" };
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
     let subject = if d.found.len() > 1 { format!("`{}` alone", best.key) } else { "it".to_owned() };
-    let all = if d.found.len() > 1 && d.held_out_error > 0.0 {
-        let left = d.held_out_error_after / d.held_out_error;
-        format!("; all {} effects together leave {} %", d.found.len(), percent(left))
+    // the error after all of them is that of the motion on which the first was judged
+    let same_place = d.rounds.iter().filter(|r| !r.joined.is_empty()).all(|r| r.judged_on == best.judged_on);
+    let all = if d.found.len() > 1 && same_place && d.held_out_error > 0.0 {
+        let left = percent(d.held_out_error_after / d.held_out_error);
+        format!("; the {} effects found leave {left} % together", d.found.len())
     } else {
         String::new()
     };
@@ -94,7 +103,7 @@ fn of_body(d: &Discovery) -> String {
         Verdict::Unexplained => "unexplained".to_owned(),
         Verdict::NotDetectable => {
             // a limit only where the estimate itself is below it
-            let small = |c: &&Candidate| c.coefficients.iter().all(|e| e.value.abs() < c.minimum_detectable);
+            let small = |c: &&Candidate| of_first_unit(c).all(|e| e.value.abs() < c.minimum_detectable);
             let below = d.candidates.iter().find(|c| !c.placebo).filter(small).map_or(String::new(), |c| {
                 let unit = c.coefficients.first().map_or("", |e| e.unit.as_str());
                 format!(" (below {} {unit} of {})", significant(c.minimum_detectable, 2), c.key)

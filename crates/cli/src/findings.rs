@@ -323,7 +323,10 @@ fn candidates(view: &DiscoveryView, shown: usize) -> Result<(), Stop> {
         out(format!("… and {more} more{}", if shown < LONG { ": --details" } else { "" }))?;
     }
     let of = if places > 0 { "there".to_owned() } else { format!("in {place}") };
-    out(labelled("", &format!("left %: share of the held-out error {of} that remains with the candidate")))
+    out(labelled(
+        "",
+        &format!("left %: share of the held-out error {of} that remains with the candidate; {}", verdict::SHOWN),
+    ))
 }
 
 /// Half of a 95 % interval, or why there is none that says anything.

@@ -10,7 +10,8 @@ use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, compare};
 use aloft_analysis::corrections::offers;
 use aloft_analysis::next_step::{NextStep, next_step};
-use aloft_analysis::session_check::{persons, session_check};
+use aloft_analysis::persons::{persons, several_persons};
+use aloft_analysis::session_check::session_check;
 use aloft_analysis::summary::Summary;
 use aloft_pipeline::runner::{BatchReport, Ended, RunReport};
 use aloft_study::data_set::DataSet;
@@ -89,8 +90,8 @@ pub fn show(
         }
     }
     for session in &set.members {
-        if let Some(line) = persons(session) {
-            out(labelled("persons     ", &line.words))?;
+        if let Some(words) = several_persons(&persons(session)) {
+            out(labelled("persons     ", &words))?;
         }
     }
     if let Some(summary) = summary {

@@ -250,8 +250,8 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
             );
             if d.open.iter().flat_map(|o| &o.laws).any(|l| l.carrier == WHOLE_BODY) {
                 out.push(
-                    "errors of the cameras that move all markers alike (a bent volume, a wrong scale or rate) look like a force on the whole body: \
-                     before you believe in a force, record the same motion at another place of the volume, and check the calibration with a known length"
+                    "camera errors that affect all markers alike (a distorted capture volume, a wrong scale or frame rate) look like a force on the whole body: \
+                     before accepting a force, record the same motion elsewhere in the volume, and check the camera calibration against a known length"
                         .to_owned(),
                 );
             }

@@ -176,6 +176,15 @@ impl About<'_> {
         unbounded: "",
         documentation: "",
     };
+
+    /// A law of a robot's joint.
+    pub const OF_JOINTS: About<'static> = About {
+        acts: ActsIn::Joints,
+        family: Family::Joints,
+        separated_by: Separation::JointAlone,
+        unbounded: "drives differ by orders of magnitude",
+        ..Self::PLAIN
+    };
 }
 
 impl<'a> About<'a> {

@@ -99,7 +99,7 @@ impl<'a> EffectInstance<'a> {
                 label => format!("`{}[{label}]`", found.id()),
             };
             match targets.as_slice() {
-                [] => "this body has nothing that it acts on (joints with a motor, or plates)".to_owned(),
+                [] => "this body has no joint or plate that it could act on".to_owned(),
                 all => format!("there are {}", all.iter().map(of).collect::<Vec<_>>().join(", ")),
             }
         };

@@ -70,6 +70,11 @@ impl Scene {
         matches!(self.model.links.get(link).map(|l| l.joint.kind), Some(JointKind::Prismatic(_)))
     }
 
+    /// The unit of a joint's coefficient: for a joint that turns, or for one that slides.
+    pub(crate) fn unit_of<'u>(&self, joint: Target, turns: &'u str, slides: &'u str) -> &'u str {
+        if self.slides(joint.link()) { slides } else { turns }
+    }
+
     /// Number of plates.
     pub fn n_plates(&self) -> usize {
         self.plate_centres_m.len()

@@ -197,19 +197,19 @@ impl<'a> StageInputs<'a> {
         trial: Option<&'a TrialEntry>,
         session: &'a SubjectSession,
         workspace: &'a Workspace,
-        ready: &'a [(String, String)],
+        inputs: &'a TaskInputs,
         out: &'a Path,
     ) -> Self {
+        let ready = inputs.ready.as_slice();
         let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
         let sound = workspace.damage(stage.name, name).is_empty();
         Self {
             results: Results::limited(workspace, ready),
             out,
             trial: trial.map(|t| t.name.as_str()),
-            recording: trial.filter(|_| stage.needs.contains(&Need::Recording)).map(|t| Recording {
-                copy_of: copied_from(t, session, workspace).map(|first| first.name.clone()),
-                ..Recording::of(t)
-            }),
+            recording: trial
+                .filter(|_| stage.needs.contains(&Need::Recording))
+                .map(|t| Recording { copy_of: inputs.copy_of.clone(), ..Recording::of(t) }),
             ready,
             expected: session.included().map(|t| (t.name.clone(), t.role)).collect(),
             earlier: sound.then(|| workspace.place(stage.name, name)),
@@ -273,11 +273,11 @@ impl<'a> StageInputs<'a> {
             None => Ok(recording),
             Some(first) => Err(StageFailure {
                 problem: format!(
-                    "{} holds the same bytes as the recording {first}: a copy is no further evidence",
+                    "{} has the same content as the recording {first}; the same data must not count twice",
                     recording.file.display()
                 ),
                 hint: Some(format!(
-                    "remove the copy, or leave it out: `trials: {{exclude: [{{trial: {}, reason: copy}}]}}`",
+                    "delete the copy, or exclude it: `trials: {{exclude: [{{trial: {}, reason: copy}}]}}`",
                     recording.name
                 )),
                 reason: Some(QcReason::CopiedRecording),
@@ -293,6 +293,8 @@ pub struct TaskInputs {
     pub hashes: BTreeMap<String, String>,
     /// Upstream results that can be read.
     pub ready: Vec<(String, String)>,
+    /// The recording of the same session, before this task's, that holds the same bytes.
+    pub copy_of: Option<String>,
     /// Missing upstream results that prevent the task from running, with the reasons.
     pub blocked_by: Vec<String>,
     /// Damaged upstream results: they must be made again before they are read.
@@ -376,6 +378,7 @@ pub fn inputs(
     let mut out = TaskInputs {
         hashes: BTreeMap::new(),
         ready: Vec::new(),
+        copy_of: None,
         blocked_by: Vec::new(),
         damaged: Vec::new(),
         own_damage: workspace.damage(stage.name, own),
@@ -401,8 +404,9 @@ pub fn inputs(
         match need {
             Need::Recording => {
                 if let Some(t) = trial {
-                    if let Some(first) = copied_from(t, session, workspace) {
-                        out.hashes.insert(format!("copy of {}", first.name), String::new());
+                    out.copy_of = copied_from(t, session, workspace).map(|first| first.name.clone());
+                    if let Some(first) = &out.copy_of {
+                        out.hashes.insert(format!("copy of {first}"), String::new());
                     }
                     for path in std::iter::once(&t.file).chain(&t.forces).chain(&t.beside) {
                         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();

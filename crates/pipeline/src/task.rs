@@ -82,7 +82,7 @@ pub(crate) fn run_task(
     let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     let scratch = workspace.scratch(stage.name, name)?;
     let started = Instant::now();
-    let inputs = StageInputs::new(stage, task.trial, session, workspace, &task.inputs.ready, &scratch);
+    let inputs = StageInputs::new(stage, task.trial, session, workspace, &task.inputs, &scratch);
     let result = catch_unwind(AssertUnwindSafe(|| (stage.run)(session, task.trial, &inputs))).unwrap_or_else(|panic| {
         let what = panic
             .downcast_ref::<String>()

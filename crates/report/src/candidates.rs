@@ -84,7 +84,7 @@ fn table(real: &[&Candidate]) -> Table {
         .collect();
     Table::new(
         "Candidates",
-        "Coefficients with 95 % intervals. The minimum detectable size (found in four of five such sessions) is listed beside them: \
+        "Coefficients with 95 % intervals; of several, the one farthest from zero, whose interval does not allow for that choice. The minimum detectable size (found in four of five such sessions) is listed beside them: \
          an effect that was not found may still be there below it.",
         &[
             "effect",

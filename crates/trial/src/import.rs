@@ -3,6 +3,7 @@
 use crate::limits::leave_out_stuck;
 use crate::mot::read_ground_reactions;
 use crate::options::{disambiguate, require_content, to_world};
+use crate::person::person_of;
 use crate::recorded;
 use crate::segments::add_segments;
 use crate::trc::read_trc;
@@ -76,13 +77,6 @@ impl Trial {
         correct_reaction_sign(&mut trial);
         Ok(trial)
     }
-}
-
-/// The one person that SUBJECTS:NAMES states.
-fn person_of(file: &C3dFile) -> Option<String> {
-    let names: Vec<String> = file.groups.get("SUBJECTS", "NAMES").map(|p| p.strings()).unwrap_or_default();
-    let mut named = names.iter().map(|n| n.trim()).filter(|n| !n.is_empty());
-    named.next().filter(|_| named.next().is_none()).map(str::to_owned)
 }
 
 /// The date in the header of a TRC (a line of keys above a line of values) or MOT (`key=value`)

@@ -64,7 +64,7 @@ macro_rules! reasons {
 reasons! {
     Excluded, "excluded", Excluded, "The pipeline leaves the trial, subject or session out, with a reason.", "See `exclude` in the pipeline.";
     UnreadableFile, "unreadable_file", Failed, "The file is damaged, empty or not a recording.", "Export or copy it again; `aloft inspect FILE` says where reading stopped.";
-    CopiedRecording, "copied_recording", Failed, "The file holds the same bytes as another recording of the session, which would count twice.", "Remove the copy, or leave it out under `trials: {exclude: …}`.";
+    CopiedRecording, "copied_recording", Failed, "The file has the same content as another recording of the session; the same data must not count twice.", "Delete the copy, or exclude it under `trials: {exclude: …}`.";
     NoMarkers, "no_markers", Failed, "No marker of the set is in the recording.", "Choose another `marker_set`, or map labels under `import: {aliases}`.";
     TruncatedFile, "truncated_file", Failed, "File truncated: fewer than half of the declared frames are present.", "Copy it again, or set `import: {least_fraction: …}` to use what is there.";
     EmptyTrial, "empty_trial", Failed, "No marker is visible in any frame.", "Exclude the trial, or export it again.";

@@ -5,7 +5,7 @@
 //! (skin moves); those of another person, or of another day, do not. No marker set is needed: the
 //! pairs are those that keep their distance within a recording.
 
-use super::Determination;
+use super::look::Determination;
 use aloft_pipeline::recording::abridged;
 use aloft_signal::median_and_deviation;
 use aloft_study::quote;

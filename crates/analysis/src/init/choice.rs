@@ -1,6 +1,6 @@
 //! The marker set and the model that fit a folder's recordings best.
 
-use super::Determination;
+use super::look::Determination;
 use aloft_body::ModelSpec;
 use aloft_study::catalog;
 use aloft_trial::{MarkerSet, recognise};

@@ -1,6 +1,7 @@
 //! What files state about their subject, and where their force files are.
 
-use super::Determination;
+use super::look::Determination;
+use aloft_trial::person_of;
 use std::path::{Path, PathBuf};
 
 /// Body facts that a file states.
@@ -33,12 +34,10 @@ impl StatedFacts {
             let all = GROUPS.iter().flat_map(|g| names.iter().map(move |n| (*g, *n)));
             all.filter_map(|(g, n)| file.groups.get(g, n).and_then(|p| p.number())).find_map(read)
         };
-        let names: Vec<String> = file.groups.get("SUBJECTS", "NAMES").map(|p| p.strings()).unwrap_or_default();
-        let names: Vec<String> = names.into_iter().map(|n| n.trim().to_owned()).filter(|n| !n.is_empty()).collect();
         Self {
             mass_kg: number(&MASSES, kilograms),
             height_m: number(&HEIGHTS, metres),
-            subject: if let [only] = names.as_slice() { Some(only.clone()) } else { None },
+            subject: person_of(&file),
             by_number: false,
         }
     }

@@ -1,6 +1,6 @@
 //! The OpenSim model beside the recordings that fits them best.
 
-use super::Determination;
+use super::look::Determination;
 use aloft_body::PersonFacts;
 use aloft_robot::PriorSpread;
 use aloft_robot::osim::{OsimIk, OsimModel, RigidTree};

@@ -1,6 +1,6 @@
 //! The quietest frames of a folder, to stand in for a static trial.
 
-use super::Determination;
+use super::look::Determination;
 use aloft_trial::Trial;
 use nalgebra::Vector3;
 

@@ -2,7 +2,7 @@
 //! the rest, in any language: nobody moves in a static trial, and only flights identify a body.
 
 use super::bodies::{Distances, distances};
-use super::{Determination, is_still, name_pattern};
+use super::look::{Determination, is_still, name_pattern};
 use aloft_trial::{Trial, falls};
 use std::collections::BTreeMap;
 

@@ -1,22 +1,19 @@
 //! Whose recordings are looked at: files of several subjects in one folder would become one body.
 
-use super::{Determination, InitOptions};
+use super::InitOptions;
+use super::look::Determination;
 use aloft_pipeline::recording::abridged;
 use aloft_study::quote;
+use aloft_trial::person_key;
 use aloft_workspace::error::PipelineError;
 use std::collections::BTreeMap;
 use std::path::Path;
-
-/// A name as compared: capitals, spaces and signs do not make another person.
-fn key(name: &str) -> String {
-    name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
-}
 
 /// The subjects that files name (SUBJECTS:NAMES), each with its number of files.
 fn named(seen: &[Determination]) -> BTreeMap<String, (String, usize)> {
     let mut names: BTreeMap<String, (String, usize)> = BTreeMap::new();
     for name in seen.iter().filter_map(|s| s.stated.subject.as_ref()) {
-        names.entry(key(name)).or_insert_with(|| (name.clone(), 0)).1 += 1;
+        names.entry(person_key(name)).or_insert_with(|| (name.clone(), 0)).1 += 1;
     }
     names
 }
@@ -51,7 +48,7 @@ pub(super) fn chosen(
             ),
         ));
     };
-    if !names.contains_key(&key(wanted)) {
+    if !names.contains_key(&person_key(wanted)) {
         return Err(PipelineError::request_hint(
             format!("{}: no file names the subject `{wanted}` (SUBJECTS:NAMES)", folder.display()),
             if listed.is_empty() {
@@ -61,7 +58,7 @@ pub(super) fn chosen(
             },
         ));
     }
-    let own = |s: &Determination| s.stated.subject.as_ref().is_some_and(|n| key(n) == key(wanted));
+    let own = |s: &Determination| s.stated.subject.as_ref().is_some_and(|n| person_key(n) == person_key(wanted));
     let (own, other): (Vec<_>, Vec<_>) = seen.into_iter().partition(own);
     let other = other.into_iter().map(|s| match s.stated.subject {
         Some(name) => format!("{} ({name})", s.relative),

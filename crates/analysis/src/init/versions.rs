@@ -1,7 +1,7 @@
 //! Recordings that software for videos writes several times: raw, filtered and augmented versions
 //! of one trial, and one file for each person.
 
-use super::Determination;
+use super::look::Determination;
 use aloft_study::recordings::theia_pose;
 use std::collections::BTreeMap;
 

@@ -1,18 +1,12 @@
 //! Coulomb friction that differs between the two directions of a joint.
 
-use crate::{
-    About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, JointSeries, Scene, Separation, Series, Target,
-};
+use crate::{About, Coefficient, Effect, EffectKind, JointSeries, Scene, Target};
 
 const ABOUT: About<'static> = About {
     id: "asymmetric_friction",
     title: "friction that depends on direction",
     kind: EffectKind::Physics,
-    acts: ActsIn::Joints,
-    family: Family::Joints,
     told_from: &[("torque_offset", "holding the joint still, where friction by direction vanishes and an offset stays")],
-    separated_by: Separation::JointAlone,
-    unbounded: "drives differ by orders of magnitude",
     documentation: "\
 ## Physics
 A gear, a seal or a worm runs harder in one direction than in the other.
@@ -26,7 +20,7 @@ While the joint moves all the time, it is the same as an offset of the torque (`
 ## References
 Bittencourt & Gunnarsson, Static friction in a robot joint, J. Dyn. Sys. Meas. Control 134 (2012).
 ",
-    ..About::PLAIN
+    ..About::OF_JOINTS
 };
 
 pub(super) struct AsymmetricFriction;
@@ -39,11 +33,10 @@ impl Effect for AsymmetricFriction {
         Target::joints(scene)
     }
     fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
-        let unit = if scene.slides(target.link()) { "N" } else { "N*m" };
+        let unit = scene.unit_of(target, "N*m", "N");
         vec![Coefficient::free("difference", unit)]
     }
     fn torque(&self, series: &JointSeries<'_>, _: &[f64]) -> Vec<Vec<f64>> {
         vec![series.directions().map(f64::abs).collect()]
     }
-    fn evaluate(&self, _: &Series<'_>, _: Target, _: &[f64], _: &mut Columns) {}
 }

@@ -1,18 +1,11 @@
 //! A torque that ripples over the angle of a joint.
 
-use crate::{
-    About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, JointSeries, NonlinearParameter, Scene,
-    Separation, Series, Target,
-};
+use crate::{About, Coefficient, Effect, EffectKind, JointSeries, NonlinearParameter, Scene, Target};
 
 const ABOUT: About<'static> = About {
     id: "cogging",
     title: "torque ripple over the angle (cogging)",
     kind: EffectKind::Physics,
-    acts: ActsIn::Joints,
-    family: Family::Joints,
-    separated_by: Separation::JointAlone,
-    unbounded: "drives differ by orders of magnitude",
     documentation: "\
 ## Physics
 Poles of the motor and teeth of a gear give a torque that repeats over the turn.
@@ -26,7 +19,7 @@ Through motion over several periods, slow enough that a period lasts some sample
 ## References
 Piccoli & Yim, Anticogging: torque ripple suppression, modeling, and parameter selection, IJRR 35 (2016).
 ",
-    ..About::PLAIN
+    ..About::OF_JOINTS
 };
 
 /// Fewest and most periods in a turn that are looked for.
@@ -55,5 +48,4 @@ impl Effect for Cogging {
         let periods = nonlinear.first().copied().unwrap_or(FEWEST);
         vec![series.column(|q, _| (periods * q).sin()), series.column(|q, _| (periods * q).cos())]
     }
-    fn evaluate(&self, _: &Series<'_>, _: Target, _: &[f64], _: &mut Columns) {}
 }

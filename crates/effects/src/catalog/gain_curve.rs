@@ -1,17 +1,11 @@
 //! A torque whose gain changes with its size.
 
-use crate::{
-    About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, JointSeries, Scene, Separation, Series, Target,
-};
+use crate::{About, Coefficient, Effect, EffectKind, JointSeries, Scene, Target};
 
 const ABOUT: About<'static> = About {
     id: "gain_curve",
     title: "torque whose gain changes with its size",
     kind: EffectKind::Artefact,
-    acts: ActsIn::Joints,
-    family: Family::Joints,
-    separated_by: Separation::JointAlone,
-    unbounded: "drives differ by orders of magnitude",
     documentation: "\
 ## Physics
 The iron of a motor saturates, so that a current gives less torque than in proportion; a torque sensor bends.
@@ -25,7 +19,7 @@ Through torques that vary over a wide range.
 ## References
 Swevers, Verdonck & De Schutter, Dynamic model identification for industrial robots, IEEE Control Systems 27 (2007).
 ",
-    ..About::PLAIN
+    ..About::OF_JOINTS
 };
 
 pub(super) struct GainCurve;
@@ -38,11 +32,10 @@ impl Effect for GainCurve {
         Target::joints(scene)
     }
     fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
-        let unit = if scene.slides(target.link()) { "1/N" } else { "1/N/m" };
+        let unit = scene.unit_of(target, "1/N/m", "1/N");
         vec![Coefficient::free("curve", unit)]
     }
     fn torque(&self, series: &JointSeries<'_>, _: &[f64]) -> Vec<Vec<f64>> {
         vec![series.torque.iter().map(|t| -t * t.abs()).collect()]
     }
-    fn evaluate(&self, _: &Series<'_>, _: Target, _: &[f64], _: &mut Columns) {}
 }

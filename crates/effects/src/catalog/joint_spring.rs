@@ -1,18 +1,12 @@
 //! A spring, or a cable that is bent by a joint.
 
-use crate::{
-    About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, JointSeries, Scene, Separation, Series, Target,
-};
+use crate::{About, Coefficient, Effect, EffectKind, JointSeries, Scene, Target};
 
 const ABOUT: About<'static> = About {
     id: "joint_spring",
     title: "spring or cable across the joint",
     kind: EffectKind::Physics,
-    acts: ActsIn::Joints,
-    family: Family::Joints,
     contains: &["torque_offset"],
-    separated_by: Separation::JointAlone,
-    unbounded: "drives differ by orders of magnitude",
     documentation: "\
 ## Physics
 A cable bundle through the joint, a hose, or a spring that carries weight pulls the joint towards one angle.
@@ -26,7 +20,7 @@ Through motion over much of the joint's range. Without it, only the torque at th
 ## References
 Swevers, Verdonck & De Schutter, Dynamic model identification for industrial robots, IEEE Control Systems 27 (2007).
 ",
-    ..About::PLAIN
+    ..About::OF_JOINTS
 };
 
 pub(super) struct JointSpring;
@@ -39,12 +33,11 @@ impl Effect for JointSpring {
         Target::joints(scene)
     }
     fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
-        let unit = if scene.slides(target.link()) { "N/m" } else { "N*m" };
-        let constant = if scene.slides(target.link()) { "N" } else { "N*m" };
+        let unit = scene.unit_of(target, "N*m", "N/m");
+        let constant = scene.unit_of(target, "N*m", "N");
         vec![Coefficient::positive("stiffness", unit), Coefficient::free("at_zero", constant)]
     }
     fn torque(&self, series: &JointSeries<'_>, _: &[f64]) -> Vec<Vec<f64>> {
         vec![series.q.to_vec(), vec![1.0; series.q.len()]]
     }
-    fn evaluate(&self, _: &Series<'_>, _: Target, _: &[f64], _: &mut Columns) {}
 }

@@ -1,17 +1,11 @@
 //! Friction of a joint that grows with the torque through its gear.
 
-use crate::{
-    About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, JointSeries, Scene, Separation, Series, Target,
-};
+use crate::{About, Coefficient, Effect, EffectKind, JointSeries, Scene, Target};
 
 const ABOUT: About<'static> = About {
     id: "load_friction",
     title: "friction that grows with the load",
     kind: EffectKind::Physics,
-    acts: ActsIn::Joints,
-    family: Family::Joints,
-    separated_by: Separation::JointAlone,
-    unbounded: "drives differ by orders of magnitude",
     documentation: "\
 ## Physics
 Teeth that carry more press harder and rub harder: a gear of 95 % efficiency loses a twentieth of what passes through it.
@@ -25,7 +19,7 @@ Through torques that vary at the same speed, driving and braking.
 ## References
 Hamon, Gautier & Garrec, Dynamic identification of robots with a dry friction model depending on load and velocity, IROS (2010).
 ",
-    ..About::PLAIN
+    ..About::OF_JOINTS
 };
 
 pub(super) struct LoadFriction;
@@ -43,5 +37,4 @@ impl Effect for LoadFriction {
     fn torque(&self, series: &JointSeries<'_>, _: &[f64]) -> Vec<Vec<f64>> {
         vec![series.directions().zip(series.torque).map(|(d, t)| d * t.abs()).collect()]
     }
-    fn evaluate(&self, _: &Series<'_>, _: Target, _: &[f64], _: &mut Columns) {}
 }

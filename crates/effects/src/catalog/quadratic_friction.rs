@@ -1,17 +1,11 @@
 //! Friction of a joint that is not proportional to its rate.
 
-use crate::{
-    About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, JointSeries, Scene, Separation, Series, Target,
-};
+use crate::{About, Coefficient, Effect, EffectKind, JointSeries, Scene, Target};
 
 const ABOUT: About<'static> = About {
     id: "quadratic_friction",
     title: "friction that bends with speed",
     kind: EffectKind::Physics,
-    acts: ActsIn::Joints,
-    family: Family::Joints,
-    separated_by: Separation::JointAlone,
-    unbounded: "drives differ by orders of magnitude",
     documentation: "\
 ## Physics
 Grease that is churned, air, or a fan on the motor resist with the square of speed; grease that thins under shear resists less than in proportion (negative coefficient).
@@ -25,7 +19,7 @@ Through rates that vary over a wide range in the same joint.
 ## References
 Bona & Indri, Friction compensation in robotics: an overview, IEEE CDC (2005).
 ",
-    ..About::PLAIN
+    ..About::OF_JOINTS
 };
 
 pub(super) struct QuadraticFriction;
@@ -38,11 +32,10 @@ impl Effect for QuadraticFriction {
         Target::joints(scene)
     }
     fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
-        let unit = if scene.slides(target.link()) { "N*s^2/m^2" } else { "N*m*s^2" };
+        let unit = scene.unit_of(target, "N*m*s^2", "N*s^2/m^2");
         vec![Coefficient::free("quadratic", unit)]
     }
     fn torque(&self, series: &JointSeries<'_>, _: &[f64]) -> Vec<Vec<f64>> {
         vec![series.column(|_, v| v * v.abs())]
     }
-    fn evaluate(&self, _: &Series<'_>, _: Target, _: &[f64], _: &mut Columns) {}
 }

@@ -1,18 +1,11 @@
 //! Friction of a joint that falls from rest to sliding.
 
-use crate::{
-    About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, JointSeries, NonlinearParameter, Scene,
-    Separation, Series, Target,
-};
+use crate::{About, Coefficient, Effect, EffectKind, JointSeries, NonlinearParameter, Scene, Target};
 
 const ABOUT: About<'static> = About {
     id: "stribeck",
     title: "more friction near rest (Stribeck)",
     kind: EffectKind::Physics,
-    acts: ActsIn::Joints,
-    family: Family::Joints,
-    separated_by: Separation::JointAlone,
-    unbounded: "drives differ by orders of magnitude",
     documentation: "\
 ## Physics
 A lubricated joint has more friction near rest, where its surfaces touch, than when it slides on a film.
@@ -26,7 +19,7 @@ Through motion that passes rest slowly and often. A speed far below the slowest 
 ## References
 Armstrong-Helouvry, Dupont & Canudas de Wit, A survey of models, analysis tools and compensation methods for the control of machines with friction, Automatica 30 (1994).
 ",
-    ..About::PLAIN
+    ..About::OF_JOINTS
 };
 
 /// Slowest and fastest speed at which the excess may fade, rad/s or m/s.
@@ -43,11 +36,11 @@ impl Effect for Stribeck {
         Target::joints(scene)
     }
     fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
-        let unit = if scene.slides(target.link()) { "N" } else { "N*m" };
+        let unit = scene.unit_of(target, "N*m", "N");
         vec![Coefficient::positive("extra", unit)]
     }
     fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
-        let unit = if scene.slides(target.link()) { "m/s" } else { "rad/s" };
+        let unit = scene.unit_of(target, "rad/s", "m/s");
         vec![NonlinearParameter::new("speed", unit, SLOWEST, FASTEST, 0.1)]
     }
     fn starts(&self, _: &Scene, _: Target) -> Vec<Vec<f64>> {
@@ -58,5 +51,4 @@ impl Effect for Stribeck {
         let fading = series.v.iter().map(|v| (-(v / speed).powi(2)).exp());
         vec![series.directions().zip(fading).map(|(d, f)| d * f).collect()]
     }
-    fn evaluate(&self, _: &Series<'_>, _: Target, _: &[f64], _: &mut Columns) {}
 }

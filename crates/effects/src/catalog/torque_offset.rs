@@ -1,17 +1,11 @@
 //! A torque that reads a constant too much.
 
-use crate::{
-    About, ActsIn, Coefficient, Columns, Effect, EffectKind, Family, JointSeries, Scene, Separation, Series, Target,
-};
+use crate::{About, Coefficient, Effect, EffectKind, JointSeries, Scene, Target};
 
 const ABOUT: About<'static> = About {
     id: "torque_offset",
     title: "torque with a wrong zero",
     kind: EffectKind::Artefact,
-    acts: ActsIn::Joints,
-    family: Family::Joints,
-    separated_by: Separation::JointAlone,
-    unbounded: "drives differ by orders of magnitude",
     documentation: "\
 ## Physics
 The torque sensor or current amplifier has a zero of its own, or a pretensioned cable pulls with a constant torque.
@@ -25,7 +19,7 @@ While the joint moves all the time, it is the same as friction that depends on d
 ## References
 Swevers, Verdonck & De Schutter, Dynamic model identification for industrial robots, IEEE Control Systems 27 (2007).
 ",
-    ..About::PLAIN
+    ..About::OF_JOINTS
 };
 
 pub(super) struct TorqueOffset;
@@ -38,11 +32,10 @@ impl Effect for TorqueOffset {
         Target::joints(scene)
     }
     fn coefficients(&self, scene: &Scene, target: Target) -> Vec<Coefficient> {
-        let unit = if scene.slides(target.link()) { "N" } else { "N*m" };
+        let unit = scene.unit_of(target, "N*m", "N");
         vec![Coefficient::free("offset", unit)]
     }
     fn torque(&self, series: &JointSeries<'_>, _: &[f64]) -> Vec<Vec<f64>> {
         vec![vec![1.0; series.v.len()]]
     }
-    fn evaluate(&self, _: &Series<'_>, _: Target, _: &[f64], _: &mut Columns) {}
 }

@@ -1,0 +1,42 @@
+//! Whether the recordings of a session name one person.
+
+use aloft_pipeline::recording::abridged;
+use aloft_study::subject_session::SubjectSession;
+use aloft_trial::person_key;
+use aloft_workspace::workspace::Workspace;
+use std::collections::BTreeMap;
+
+/// A person, and the recordings that name them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct NamedPerson {
+    /// The name as the first of these recordings states it.
+    pub name: String,
+    /// The recordings.
+    pub trials: Vec<String>,
+}
+
+/// The persons named in the imported recordings of a session (SUBJECTS:NAMES of C3D files).
+pub fn persons(session: &SubjectSession) -> Vec<NamedPerson> {
+    let ws = Workspace::open(&session.workspace);
+    let mut named: BTreeMap<String, NamedPerson> = BTreeMap::new();
+    for trial in session.included() {
+        let manifest = ws.manifest("import", &trial.name).filter(|m| m.is_ok());
+        let Some(name) = manifest.as_ref().and_then(|m| m.summary.get("person")?.as_str()) else { continue };
+        let of = || NamedPerson { name: name.to_owned(), trials: Vec::new() };
+        named.entry(person_key(name)).or_insert_with(of).trials.push(trial.name.clone());
+    }
+    named.into_values().collect()
+}
+
+/// What to say where the recordings name several persons; none for one or none.
+pub fn several_persons(persons: &[NamedPerson]) -> Option<String> {
+    let each: Vec<String> = persons.iter().map(|p| format!("`{}` in {}", p.name, abridged(&p.trials))).collect();
+    (persons.len() > 1).then(|| {
+        format!(
+            "the recordings name {} persons: {}; all of them were used for one body. Unless these are names of one person, exclude the others \
+             (`trials: {{exclude: …}}`)",
+            persons.len(),
+            each.join(", ")
+        )
+    })
+}
