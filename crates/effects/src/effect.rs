@@ -27,7 +27,7 @@ pub trait Effect: Sync {
     }
     /// Adds the unit wrenches in every frame of a series to `out`: world force (N per unit) and
     /// moment about the world origin (N·m per unit), one column per coefficient. `nonlinear` holds
-    /// the values of the nonlinear unknowns ([`crate::Values`] reads them). Laws of joints add none.
+    /// the nonlinear unknowns' values ([`crate::Values`] reads them). Laws of joints add none.
     fn evaluate(&self, _series: &Series<'_>, _target: Target, _nonlinear: &[f64], _out: &mut Columns) {}
     /// Changes of inertia, a stack of φ (one per link; kg, kg·m, kg·m² per unit) for each
     /// coefficient; they add the wrench `−Y δφ` to the body. `None` if there is none.
