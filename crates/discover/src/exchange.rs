@@ -14,6 +14,7 @@ use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
 use crate::rank::FULL_STEPS;
 use crate::session::Session;
+use crate::thin::thin;
 use aloft_effects::ParameterKind;
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
@@ -63,7 +64,11 @@ pub(crate) fn exchange(
 ) -> Option<Exchange> {
     let mut fitted = truth.variant.columns(session, problem)?;
     let mut signal: Vec<DVector<f64>> = fitted.iter().map(|c| c * &truth.theta).collect();
-    let thinned = thin(session, problem, &signal);
+    // alike among the clusters in which the effect acts and the others; the advantages of fewer
+    // recordings scatter more, so that fewer rivals are told apart
+    let (acting, others): (Vec<usize>, Vec<usize>) =
+        (0..signal.len()).partition(|&g| signal[g].iter().any(|x| *x != 0.0));
+    let thinned = thin(session, problem, signal.len().div_ceil(MOST_CLUSTERS), &[acting, others]);
     let (session, problem) = match &thinned {
         Some((session, problem, kept)) => {
             fitted = kept.iter().map(|&g| std::mem::take(&mut fitted[g])).collect();
@@ -113,30 +118,6 @@ pub(crate) fn exchange(
     let least = draws.iter().copied().fold(f64::INFINITY, f64::min);
     let most = draws.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     Some(Exchange { mean, sd, least, most })
-}
-
-/// Every so many-th cluster of a large session, alike among those in which the effect acts and the
-/// others. The advantages are then those of fewer recordings: they scatter more, so that fewer
-/// rivals are told apart. `None` for sessions of at most [`MOST_CLUSTERS`].
-fn thin<'a>(
-    session: &Session<'a>,
-    problem: &Problem,
-    signal: &[DVector<f64>],
-) -> Option<(Session<'a>, Problem, Vec<usize>)> {
-    let step = problem.clusters.len().div_ceil(MOST_CLUSTERS);
-    if step < 2 {
-        return None;
-    }
-    let (with, without): (Vec<usize>, Vec<usize>) =
-        (0..signal.len()).partition(|&g| signal[g].iter().any(|x| *x != 0.0));
-    let mut kept: Vec<usize> = [with, without].iter().flat_map(|part| part.iter().copied().step_by(step)).collect();
-    kept.sort_unstable();
-    let problem = problem.with_clusters(&kept).ok()?;
-    let mut rows = vec![false; session.blocks.len()];
-    for &block in problem.clusters.iter().flat_map(|c| &c.blocks) {
-        rows[block] = true;
-    }
-    Some((session.with_rows_of(&rows), problem, kept))
 }
 
 /// Multiple of its size at which an effect without a direction is added in a draw; of either sign

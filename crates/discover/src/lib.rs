@@ -87,6 +87,7 @@ mod self_test;
 mod session;
 mod shown_in_both;
 mod statistics;
+mod thin;
 mod wording;
 
 pub use addition::{addition, detectable, ladder};

@@ -52,11 +52,17 @@ pub(crate) struct PlaceFrames<'s> {
 }
 
 impl<'s> PlaceFrames<'s> {
+    /// Trials of which no rows are in use (see [`crate::thin`]) have no frames.
     pub fn new(session: &'s Session<'_>, carrier: Carrier, point: &Vector3<f64>) -> Self {
-        let of = |series: &'s aloft_effects::Series<'_>| {
-            series.instants().map(|(_, f)| (f, Instant::of(&f, carrier, point))).collect()
+        let left_out = |trial: usize| {
+            let mut of = session.blocks.iter().filter(|b| b.trial == trial).peekable();
+            of.peek().is_some() && of.all(|b| b.y.nrows() == 0)
         };
-        Self { trials: session.series.iter().map(|pair| of(&pair[0])).collect() }
+        let of = |(trial, pair): (usize, &'s [aloft_effects::Series<'_>; 2])| {
+            let frames = pair[0].instants().map(|(_, f)| (f, Instant::of(&f, carrier, point)));
+            if left_out(trial) { Vec::new() } else { frames.collect() }
+        };
+        Self { trials: session.series.iter().enumerate().map(of).collect() }
     }
 
     /// Wrench of the unit vector of each component, by trial.

@@ -18,6 +18,7 @@ use crate::progress::Until;
 use crate::result::{Estimate, FEWEST_CLUSTERS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
+use crate::thin::with_at_most;
 use aloft_effects::{Effect, EffectInstance, Scene, Target};
 use nalgebra::DMatrix;
 
@@ -37,6 +38,15 @@ const PRODUCT: f64 = 0.7;
 const FURTHER: f64 = 0.6;
 /// Probability by chance below which a law is better than an effect whose form is in doubt.
 const TRUER: f64 = 0.01;
+/// Most flights that the atlas is made of.
+const MOST_IN_ATLAS: usize = 120;
+/// Most flights in which the form of a law is sought: each of several hundred trial laws is fitted
+/// again in every fold.
+const MOST_FITTED: usize = 60;
+/// Fewest clusters (flights or recordings) for both.
+const FEWEST: usize = 20;
+/// Gauss-Newton steps of a law that is fitted again.
+const STEPS: usize = 15;
 /// Largest number of laws.
 const ROUNDS: usize = 3;
 
@@ -104,8 +114,11 @@ pub(crate) fn search(
         if round > 0 && standing.is_some_and(|s| s.noise_floor > 0.0 && at_floor(&s, now / before)) {
             break;
         }
-        let evidence = Evidence::new(&problem, DRAWS, options.seed ^ round as u64)?;
-        let made = atlas(session, &problem, &evidence);
+        // a session of many flights is searched in some of them, and laws are fitted to all
+        let some = with_at_most(session, &problem, MOST_IN_ATLAS, FEWEST);
+        let (in_some, of_some) = some.as_ref().map_or((session, &problem), |(s, p, _)| (s, p));
+        let evidence = Evidence::new(of_some, DRAWS, options.seed ^ round as u64)?;
+        let made = atlas(in_some, of_some, &evidence);
         let Some(best) = made.groups.first() else { break };
         let as_good = made.null.iter().filter(|r| **r <= best.score.ratio).count();
         let p = (as_good + 1) as f64 / (made.null.len() + 1) as f64;
@@ -114,10 +127,11 @@ pub(crate) fn search(
         let believed = if round > 0 && person { believed.min(FURTHER) } else { believed };
         let enough = best.score.ratio.sqrt() < believed && p < 0.05;
         if round == 0 && p < 0.05 && best.score.ratio.sqrt() < 0.97 {
-            diagnosis = Some(diagnose(session, &problem, &made, p));
+            diagnosis = Some(diagnose(in_some, of_some, &made, p));
         }
         if enough
-            && let Some(OneLaw { best: found, rival, also }) = one_law(session, &problem, &evidence, &groups, until)
+            && let Some(OneLaw { best: found, rival, also }) =
+                one_law_of_many(session, &problem, &evidence, &groups, until, options)
         {
             let ratio = (found.error() / now).sqrt();
             let p_gain = sign_flip_p(
@@ -135,8 +149,7 @@ pub(crate) fn search(
         }
         let count = laws.len();
         if round == 0 {
-            let clusters = problem.clusters.len();
-            first = Some((made, clusters));
+            first = Some((made, of_some.clusters.len()));
         }
         if count <= round || until.is_over() {
             break;
@@ -226,6 +239,25 @@ fn plain_again(
     Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
 }
 
+/// [`one_law`]; in a session of many flights the form of the law is sought in some of them, and
+/// the law is fitted to all.
+fn one_law_of_many(
+    session: &Session<'_>,
+    problem: &Problem,
+    evidence: &Evidence,
+    groups: &[&Group],
+    until: &Until,
+    options: &DiscoverOptions,
+) -> Option<OneLaw> {
+    let Some((some, fewer, _)) = with_at_most(session, problem, MOST_FITTED, FEWEST) else {
+        return one_law(session, problem, evidence, groups, until);
+    };
+    let OneLaw { best, rival, also } =
+        one_law(&some, &fewer, &Evidence::new(&fewer, DRAWS, options.seed)?, groups, until)?;
+    let again = |f: Fitted| fit::fit(session, problem, &f.law, f.nonlinear, STEPS);
+    Some(OneLaw { best: again(best)?, rival: rival.and_then(again), also })
+}
+
 /// All laws again, each beside the others.
 fn refit(
     session: &Session<'_>,
@@ -242,7 +274,7 @@ fn refit(
             others.remove(i);
             let Some(problem) = plain_again(session, base, &others, options) else { continue };
             let start = laws[i].fitted.nonlinear.clone();
-            if let Some(better) = fit::fit(session, &problem, &laws[i].fitted.law, start, 15) {
+            if let Some(better) = fit::fit(session, &problem, &laws[i].fitted.law, start, STEPS) {
                 laws[i].fitted = better;
             }
         }
