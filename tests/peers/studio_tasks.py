@@ -6,7 +6,7 @@
 (`studio_browser.py` says how to make V.) The demonstration is copied to a temporary folder, run, and asked for missing effects. Tasks: switch on what is
 missing and keep it; leave out a recording and take it back; write a law with an error in it, correct it, see its interval, keep it; leave out a stretch of
 time, which a reload restores; compare two revisions and write notes. Then the report of that study is opened as a file: its switches give the program's
-numbers without a network. Last, a study of one recording many times over (each with another last digit of one sample) is scrolled and played, and frame times are measured.
+numbers without a network. Last, a simulated study of many recordings is scrolled and played, and frame times are measured.
 Exit code 1 where something of this does not hold.
 """
 import argparse
@@ -24,6 +24,12 @@ from studio_browser import FAILED, Server, check, until
 
 REPO = pathlib.Path(__file__).resolve().parents[2]
 READY = "Studio.S.state && !Studio.S.state.preparing && document.querySelectorAll('.studio-switch').length > 0 && Studio.S.before"
+MANY = """name: many
+seed: 41
+body: {{kind: chain, throws: {{recordings: {trials}, throws: 3}}}}
+capture: {{marker_noise_m: 0.0003, gap_fraction: 0.005}}
+hidden: [{{effect: quadratic_drag, drag_area_m2: 0.03}}]
+"""
 # frame times while something goes on, ms
 FRAMES = """(seconds) => new Promise((done) => {
     const out = [], end = performance.now() + 1000 * seconds;
@@ -237,13 +243,10 @@ def main():
         server.kill()
 
         if args.trials:
-            first = (folder / "recordings/throws_01.c3d").read_bytes()
-            for i in range(4, args.trials + 1):
-                # the last digit of one sample differs: Aloft refuses copies
-                another = bytearray(first)
-                another[-3000 - 4 * i] ^= 1
-                (folder / f"recordings/throws_{i:03}.c3d").write_bytes(another)
-            many = [*words[:-1], str(folder / "many")]
+            scenario = folder / "many.yaml"
+            scenario.write_text(MANY.format(trials=args.trials))
+            subprocess.run([args.aloft, "simulate", str(scenario), "--out", str(folder / "laboratory")], check=True, capture_output=True)
+            many = [str(REPO / "pipelines/chain.yaml"), "--data", str(folder / "laboratory"), "--workspace", str(folder / "many")]
             aloft("run", words=many)
             aloft("discover", words=many)
             server = Server([args.aloft, "studio", *many])

@@ -54,6 +54,36 @@ fn a_copy_of_a_recording_is_refused() {
     let _ = call(&["run"], 0);
 }
 
+/// A recording that was exported again, with one sample changed, is not a copy by its bytes; its
+/// data would count twice all the same.
+#[test]
+fn recordings_that_repeat_another_one_are_named_and_not_judged() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/chain_small.yaml", dir.path());
+    let ws = dir.path().join("ws").display().to_string();
+    let pipeline = dir.path().join("chain.yaml");
+    let text = fs::read_to_string(repo("pipelines/chain.yaml")).unwrap();
+    fs::write(&pipeline, &text).unwrap();
+    let call = |command: &str, code: i32| {
+        let places = [pipeline.to_str().unwrap(), "--data", data.to_str().unwrap(), "--workspace", &ws];
+        expect(&[&[command], &places[..]].concat(), code)
+    };
+    assert!(!call("run", 0).0.contains("repeated"));
+    let mut again = fs::read(data.join("throws_01.c3d")).unwrap();
+    let at = again.len() - 3000;
+    again[at] ^= 1;
+    fs::write(data.join("throws_91.c3d"), again).unwrap();
+    let (said, _) = call("run", 0);
+    assert!(said.contains("repeated") && said.contains("`throws_01` and `throws_91`"), "{said}");
+    assert!(call("check", 0).0.contains("recordings that repeat another one"));
+    let (_, err) = call("discover", 2);
+    assert!(err.contains("`throws_91`") && err.contains("exclude"), "{err}");
+    let exclude = "trials:\n  exclude: [{trial: throws_91, reason: exported twice}]\n";
+    fs::write(&pipeline, text.replace("trials:\n", exclude)).unwrap();
+    assert!(!call("run", 0).0.contains("repeated"));
+    let _ = call("discover", 0);
+}
+
 #[test]
 fn recordings_that_name_two_persons_are_reported_with_the_result() {
     let dir = folder();

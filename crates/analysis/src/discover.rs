@@ -6,6 +6,7 @@ use crate::contradiction::contradicted;
 use crate::held_out::HeldOutError;
 use crate::joint_laws::joint_laws;
 use crate::promise::promised;
+use crate::repeated::refuse_repeated;
 use crate::results::with_results;
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
@@ -278,6 +279,7 @@ pub fn discover(
     options: &DiscoverOptions,
     told: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<DiscoveryView, PipelineError> {
+    refuse_repeated(session)?;
     let made_from = looked_at(session);
     Evidence::load(session)?.with_progress(session, told, |bench| found(session, bench, options, made_from))
 }

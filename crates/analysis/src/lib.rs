@@ -28,6 +28,7 @@ pub mod own_laws;
 pub mod parameters;
 pub mod persons;
 pub mod promise;
+pub mod repeated;
 mod results;
 pub mod session_check;
 pub mod simulate;

@@ -6,6 +6,7 @@
 //! error.
 
 use crate::persons::{persons, several_persons};
+use crate::repeated::{repeated, repeated_words};
 use aloft_flight::{Coverage, FlightReport, ImpulseMass, PlateDelay, PlateTare, TareSource, Unmeasured};
 use aloft_identify::half95;
 use aloft_ik::{IkReport, LabelExchange};
@@ -110,6 +111,7 @@ pub fn session_check(session: &SubjectSession) -> SessionCheck {
     let source = Source { session, ws: Workspace::open(&session.workspace) };
     let mut lines = Vec::new();
     lines.extend(persons_line(session));
+    lines.extend(repeated_line(session));
     timing(&source, &mut lines);
     weights(&source, &mut lines);
     tares(&source, &mut lines);
@@ -131,6 +133,21 @@ fn persons_line(session: &SubjectSession) -> Option<SessionLine> {
         n: persons.iter().map(|p| p.trials.len()).sum(),
         standing: LineStanding::Differs,
         words: several_persons(&persons)?,
+    })
+}
+
+fn repeated_line(session: &SubjectSession) -> Option<SessionLine> {
+    let pairs = repeated(session);
+    Some(SessionLine {
+        id: "repeated",
+        what: "recordings that repeat another one".to_owned(),
+        value: pairs.len() as f64,
+        unit: "recordings",
+        ci95: None,
+        expected: Some(0.0),
+        n: pairs.len(),
+        standing: LineStanding::Differs,
+        words: repeated_words(&pairs)?,
     })
 }
 

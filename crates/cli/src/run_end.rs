@@ -11,6 +11,7 @@ use aloft_analysis::compare::{ComparisonView, compare};
 use aloft_analysis::corrections::offers;
 use aloft_analysis::next_step::{NextStep, next_step};
 use aloft_analysis::persons::{persons, several_persons};
+use aloft_analysis::repeated::{EXCLUDE, repeated, repeated_words};
 use aloft_analysis::session_check::session_check;
 use aloft_analysis::summary::Summary;
 use aloft_pipeline::runner::{BatchReport, Ended, RunReport};
@@ -92,6 +93,9 @@ pub fn show(
     for session in &set.members {
         if let Some(words) = several_persons(&persons(session)) {
             out(labelled("persons     ", &words))?;
+        }
+        if let Some(words) = repeated_words(&repeated(session)) {
+            out(labelled("repeated    ", &format!("{words}; {EXCLUDE}")))?;
         }
     }
     if let Some(summary) = summary {

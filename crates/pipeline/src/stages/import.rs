@@ -20,7 +20,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "import",
-    version: 7,
+    version: 8,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set (robots: joint log, base pose)",
@@ -71,6 +71,9 @@ pub struct ImportRecord {
     pub findings: Vec<aloft_trial::Finding>,
     /// Quality of the trial.
     pub quality: TrialQuality,
+    /// Sketch of the samples, by which recordings of the same motion are found.
+    #[serde(default)]
+    pub samples: Vec<u64>,
 }
 
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
@@ -114,6 +117,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         .because(QcReason::NoMarkers));
     }
     let segments = marker_set.segments();
+    let samples = aloft_trial::sample_sketch(&trial.markers);
     let artefacts = ArtefactOptions { repair: import.repair, ..ArtefactOptions::default() };
     let findings = find_artefacts(&mut trial, &segments, &artefacts);
     let gaps = GapOptions {
@@ -175,7 +179,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     done.note("missing_samples", gaps_left);
     done.warnings.extend(trial.warnings.iter().map(ToString::to_string));
     done.warnings.extend(told(&quality.reasons));
-    write_json(&inputs.out.join("quality.json"), &ImportRecord { matched, fills, findings, quality })?;
+    write_json(&inputs.out.join("quality.json"), &ImportRecord { matched, fills, findings, quality, samples })?;
     Ok(done)
 }
 

@@ -1,0 +1,69 @@
+//! Recordings of a session that hold the same samples as another one: a part that was cut out, or a
+//! recording that was exported twice. The same data would count as further evidence.
+
+use aloft_pipeline::stages::import::ImportRecord;
+use aloft_study::subject_session::SubjectSession;
+use aloft_trial::share_in_common;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::json::read_json;
+use aloft_workspace::workspace::Workspace;
+
+/// Share of the samples of the shorter recording from which two hold the same motion.
+const SAME: f64 = 0.3;
+/// Pairs that are named.
+const NAMED: usize = 3;
+
+/// Two recordings that share samples.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Repeated {
+    /// The recording that comes first by name.
+    pub first: String,
+    /// The other one.
+    pub second: String,
+    /// Share of the samples of the shorter one that both have (estimated).
+    pub share: f64,
+}
+
+/// Pairs of imported recordings that share samples; each recording is named once as the second.
+pub fn repeated(session: &SubjectSession) -> Vec<Repeated> {
+    let ws = Workspace::open(&session.workspace);
+    let sketches: Vec<(&str, Vec<u64>)> = session
+        .included()
+        .filter(|t| t.role.is_dynamic() && ws.manifest("import", &t.name).is_some_and(|m| m.is_ok()))
+        .filter_map(|t| {
+            let record: ImportRecord = read_json(&ws.place("import", &t.name).join("quality.json")).ok()?;
+            Some((t.name.as_str(), record.samples))
+        })
+        .collect();
+    let mut out = Vec::new();
+    for (i, (second, b)) in sketches.iter().enumerate() {
+        let shared = |(first, a): &(&str, Vec<u64>)| {
+            let share = share_in_common(a, b).filter(|s| *s > SAME)?;
+            Some(Repeated { first: (*first).to_owned(), second: (*second).to_owned(), share })
+        };
+        out.extend(sketches[..i].iter().find_map(shared));
+    }
+    out
+}
+
+/// What to say of recordings that share samples; none without any.
+pub fn repeated_words(pairs: &[Repeated]) -> Option<String> {
+    let pair = |r: &Repeated| format!("`{}` and `{}` ({:.0} % of the shorter one)", r.first, r.second, 100.0 * r.share);
+    let mut named: Vec<String> = pairs.iter().take(NAMED).map(pair).collect();
+    if pairs.len() > NAMED {
+        named.push(format!("and {} more", pairs.len() - NAMED));
+    }
+    (!pairs.is_empty())
+        .then(|| format!("recordings hold the same samples: {}; the same data count twice", named.join(", ")))
+}
+
+/// The way out.
+pub const EXCLUDE: &str = "exclude one of each pair under `trials: {exclude: …}`, then `aloft run` again";
+
+/// Refuses a session in which recordings share samples: its evidence would count twice.
+///
+/// # Errors
+/// A request that names the recordings.
+pub fn refuse_repeated(session: &SubjectSession) -> Result<(), PipelineError> {
+    repeated_words(&repeated(session)).map_or(Ok(()), |words| Err(PipelineError::request_hint(words, EXCLUDE)))
+}
