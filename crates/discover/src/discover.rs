@@ -305,7 +305,7 @@ pub fn discover(
         }
     }
     prune(session, accepted, &mut kept, &mut found, options);
-    refit_found(session, accepted, &kept, &mut found, options);
+    refit_found(session, accepted, &mut kept, &mut found, options);
     widen_found(session, accepted, &kept, &mut found, options);
     let made = RoundResults { rounds, found, kept, left_out, errors: [before, after], has_flights };
     Ok(conclude(session, effects, accepted, made, &until, options))

@@ -150,38 +150,66 @@ pub(crate) fn to_build_on<'s, 'a>(
     Some(if clearly { best } else { first })
 }
 
-/// Coefficients with all effects found in the model at once.
-pub(crate) fn refit_found(
+/// Fits all effects found together: each beside the others as they are by then, in turn, as long as
+/// the joint error falls.
+pub(crate) fn refit_found<'a>(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],
-    kept: &[Variant<'_>],
+    kept: &mut [Variant<'a>],
     found: &mut [Found],
     options: &DiscoverOptions,
 ) {
+    /// Most rounds through all effects.
+    const ROUNDS: usize = 6;
+    /// Ratio of errors (mean square) above which a further round is not worth its time.
+    const ENOUGH: f64 = 0.99;
     if kept.len() < 2 {
         return;
     }
-    let whole = |domain| extra_columns(session, domain, accepted, kept, &[]);
-    for i in 0..kept.len() {
-        let others: Vec<Variant<'_>> =
-            kept.iter().enumerate().filter(|(j, _)| *j != i).map(|(_, v)| v.clone()).collect();
-        let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
-        let extra = extra_columns(session, domain, accepted, &others, &[]);
-        let Ok(problem) = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight) else {
-            continue;
+    let domain_of = |v: &Variant<'_>| if v.effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
+    let whole = |kept: &[Variant<'a>], domain| extra_columns(session, domain, accepted, kept, &[]);
+    let error = |kept: &[Variant<'a>]| {
+        let domains: Vec<Domain> = kept.iter().map(domain_of).collect();
+        let of = |domain| {
+            if !domains.contains(&domain) {
+                return Some(1.0);
+            }
+            let extra = whole(kept, domain);
+            Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok().map(|p| p.plain())
         };
-        let Ok(problem) = sharpened(session, &problem, &extra, &whole(domain), options) else { continue };
-        let parameters = kept[i].effect.nonlinear(session.scene, kept[i].target);
-        let scored = if parameters.is_empty() {
-            let columns = kept[i].columns(session, &problem);
-            columns.map(|c| crate::candidate::score(&problem, kept[i].clone(), &problem.reduce(&c)))
-        } else {
-            crate::nonlinear::improve(session, &problem, &kept[i], crate::rank::FULL_STEPS)
-                .and_then(|(v, _)| crate::nonlinear::score_fitted(session, &problem, v))
-        };
-        if let Some(scored) = scored {
-            found[i] = as_found(session, &scored);
+        // relative changes of both count alike
+        Some(of(Domain::Flight)? * of(Domain::Contact)?)
+    };
+    let mut last = error(kept);
+    for _ in 0..ROUNDS {
+        for i in 0..kept.len() {
+            let mut others = kept.to_vec();
+            others.remove(i);
+            let domain = domain_of(&kept[i]);
+            let extra = extra_columns(session, domain, accepted, &others, &[]);
+            let Ok(problem) = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight) else {
+                continue;
+            };
+            let Ok(problem) = sharpened(session, &problem, &extra, &whole(kept, domain), options) else { continue };
+            let parameters = kept[i].effect.nonlinear(session.scene, kept[i].target);
+            let scored = if parameters.is_empty() {
+                let columns = kept[i].columns(session, &problem);
+                columns.map(|c| crate::candidate::score(&problem, kept[i].clone(), &problem.reduce(&c)))
+            } else {
+                crate::nonlinear::improve(session, &problem, &kept[i], crate::rank::FULL_STEPS)
+                    .and_then(|(v, _)| crate::nonlinear::score_fitted(session, &problem, v))
+            };
+            if let Some(scored) = scored {
+                found[i] = as_found(session, &scored);
+                kept[i] = scored.variant;
+            }
         }
+        let now = error(kept);
+        match (last, now) {
+            (Some(last), Some(now)) if now < ENOUGH * last => {}
+            _ => break,
+        }
+        last = now;
     }
 }
 
