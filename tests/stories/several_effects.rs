@@ -9,6 +9,26 @@ fn number(v: &Value) -> f64 {
     v.as_f64().unwrap()
 }
 
+/// Fitted beside the other as first found, each of the two took all of the force that both can
+/// describe, and their sum left 2.4 times the floor.
+#[test]
+fn two_effects_that_are_alike_are_fitted_together() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/chain_line_and_force.yaml", dir.path()).display().to_string();
+    let ws = dir.path().join("ws").display().to_string();
+    let words = [&repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &ws];
+    expect(&[&["run"], &words[..]].concat(), 0);
+    let only = ["--only", "tether", "--only", "constant_force", "--json"];
+    let found = json(&[&["discover"], &words[..], &only].concat());
+    let keys: Vec<&str> = found["found"].as_array().unwrap().iter().map(|f| f["key"].as_str().unwrap()).collect();
+    assert_eq!(keys, ["tether[link0]", "constant_force[link1]"], "{}", found["words"]);
+    let force: Vec<f64> =
+        found["found"][1]["coefficients"].as_array().unwrap().iter().map(|c| number(&c["value"])).collect();
+    assert!(force.iter().map(|f| f * f).sum::<f64>().sqrt() > 0.03, "{force:?}");
+    let after = &found["errors_after"][0];
+    assert!(number(&after["times_floor"]) < 1.2, "{after}");
+}
+
 #[test]
 fn drag_and_tilt_are_added_one_after_the_other() {
     let dir = folder();
