@@ -102,7 +102,15 @@ def human_effect(rng):
     return kind, lambda size: {"effect": "payload" if kind == "load" else kind, **entry(size)}, names or {kind}
 
 
-def draw(body, rng):
+def draw(body, rng, case=None):
+    """A laboratory as `drawn` makes it, of this case where one is asked for."""
+    while True:
+        made = drawn(body, rng)
+        if case in (None, made[2]):
+            return made
+
+
+def drawn(body, rng):
     """A laboratory at a size, what is hidden (a list of sets of right names), the case, and where it is judged."""
     where, capture = session(body, rng)
     if body == "chain":
@@ -132,11 +140,15 @@ def draw(body, rng):
 class Bench(Laboratories):
     """Effects of the catalogue, scaled to the strengths asked for."""
 
+    def __init__(self, args):
+        super().__init__(args)
+        self.case = args.case
+
     def sizes(self, index, strengths):
         """Set `index` with a size for each strength; other draws are tried if it cannot reach them."""
         reasons = []
         for attempt in range(4):
-            at, truth, case, kind, judged_on = draw(self.kind, random.Random(f"verdict {self.kind} {self.seed} {index} {attempt}"))
+            at, truth, case, kind, judged_on = draw(self.kind, random.Random(f"verdict {self.kind} {self.seed} {index} {attempt}"), self.case)
             seed = 4_000_000 + 10_000 * self.seed + 10 * index + attempt
             line = {"index": index, "attempt": attempt, "seed": seed, "case": case, "kind": kind, "judged_on": judged_on,
                     "truth": [sorted(t) for t in truth], "sizes": {}}
@@ -162,7 +174,7 @@ class Bench(Laboratories):
         if "kind" not in line:
             print(f"set {index:3d} not usable: {line['tried']}", file=sys.stderr, flush=True)
             return
-        at = draw(self.kind, random.Random(f"verdict {self.kind} {self.seed} {index} {line['attempt']}"))[0]
+        at = draw(self.kind, random.Random(f"verdict {self.kind} {self.seed} {index} {line['attempt']}"), self.case)[0]
         for wanted in strengths:
             name = f"{self.kind}-{index}-x{wanted}"
             if name not in done:
@@ -250,6 +262,7 @@ def main():
     parser.add_argument("--sets", type=int, default=50)
     parser.add_argument("--strengths", default="1.5,2,4")
     parser.add_argument("--empty", type=int, default=10)
+    parser.add_argument("--case", choices=["one", "part", "two", "two of a kind"], help="only laboratories of this case")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out")

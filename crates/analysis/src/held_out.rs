@@ -78,12 +78,6 @@ impl HeldOutError {
             signal: Signal::of(j.times_floor(), j.at_floor()).behind_gate(j.gate_passed.unwrap_or(true)),
         }
     }
-
-    /// `4.4`, with the judgement where it is within the floor's interval: `1.1 (at the floor)`.
-    pub fn ratio(&self) -> String {
-        let times = self.times_floor.map_or("–".to_owned(), |t| aloft_compare::significant(t, 2));
-        if self.at_floor == Some(true) { format!("{times} ({})", self.signal.in_words(self.at_floor)) } else { times }
-    }
 }
 
 fn share(error_n: f64, weight_n: f64) -> Option<f64> {

@@ -1,7 +1,7 @@
 //! Output of `history`, `effect add` and `effect remove`: the revisions of the model with the error
 //! that each of them reached.
 
-use crate::errors::figure;
+use crate::errors::{figure, judgement};
 use crate::render::{beside, half, out, significant};
 use crate::screen::{Cell, labelled, table};
 use crate::stop::Stop;
@@ -39,8 +39,8 @@ fn rungs(rows: &[HistoryRow]) -> Result<(), Stop> {
     let any = |place: &str| rows.iter().any(|r| r.errors.iter().any(|e| e.judged_on == place));
     for place in ["flight", "contact"].into_iter().filter(|p| any(p)) {
         let head = format!("held out in {place}");
-        let header = ["rev", &head, "error N", "% weight", "floor N", "floor 95 %", "times floor"];
-        let mut t = table(&header).left(&[1]).optional(&[5, 3]);
+        let header = ["rev", &head, "error N", "% weight", "floor N", "floor 95 %", "times floor", "judged"];
+        let mut t = table(&header).left(&[1, 7]).optional(&[5, 3]);
         for r in rows {
             let e = r.errors.iter().find(|e| e.judged_on == place);
             let interval = e
@@ -53,7 +53,8 @@ fn rungs(rows: &[HistoryRow]) -> Result<(), Stop> {
                 e.and_then(|e| e.held_out_error_of_weight).map_or("–".to_owned(), |s| significant(100.0 * s, 2)).into(),
                 figure(e.and_then(|e| e.noise_floor)).into(),
                 interval.into(),
-                e.map_or_else(|| Cell::from("–"), |e| Cell::judged(e.ratio(), e.signal)),
+                e.and_then(|e| e.times_floor).map_or("–".to_owned(), |t| significant(t, 2)).into(),
+                e.map_or_else(|| Cell::from("–"), judgement),
             ]);
         }
         out(t)?;
