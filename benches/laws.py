@@ -20,7 +20,9 @@ Outcome of a set, by the first law that the program states (`open.laws`):
   formula, loose  the same with more error left
   curve        link, action, direction and variable right, a free curve instead of a formula
   link         link and action right, direction or variable wrong
-  wrong        wrong link or action (of any law stated), or a name out of the catalogue
+  known effect the effect of the catalogue that is exactly this law (a flat plate for the square of one component)
+  catalogue    another effect of the catalogue
+  wrong law    wrong link or action of any law stated
   unexplained  the program says that something remains that it cannot name
   missed       nothing missing, or not detectable
 """
@@ -39,7 +41,7 @@ import law_population
 from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, interval, read_lines, session
 
 FORMULA_WITHIN = 1.3
-NAMED = ["link right", "direction, variable", "diagnosis: link", "formula", "formula, loose", "curve", "link", "catalogue", "wrong law",
+NAMED = ["link right", "direction, variable", "diagnosis: link", "formula", "formula, loose", "curve", "link", "known effect", "catalogue", "wrong law",
          "unexplained", "missed", "not usable"]
 
 
@@ -133,6 +135,14 @@ def right_of(claim, truth):
     return where, claim.get("direction") in truth["directions"] and variables
 
 
+def same_effects(line):
+    """Effects of the catalogue that are exactly the law of a set: the square of one component of the velocity along an
+    axis of the link, against that axis, is a flat plate in still air."""
+    plate = line["family"] == "power of one component" and line["hidden"][0]["axes"] == "link" and any(
+        str(f).endswith("^2)") for f in line["hidden"][0]["force"])
+    return set(line["truth"]["known"]) | ({"panels"} if plate else set())
+
+
 def judge(line):
     """Outcome of a set and what else is counted of it: a set of words out of `NAMED`."""
     if "answer" not in line:
@@ -151,8 +161,8 @@ def judge(line):
         out.add("diagnosis: link")
     if claims and all(right_of(claims[0], truth)):
         out.add("direction, variable")
-    if set(catalogue) - set(truth["known"]):
-        return out | {"catalogue"}
+    if catalogue:
+        return out | ({"catalogue"} if set(catalogue) - same_effects(line) else {"known effect"})
     if any(not right_of(claim, truth)[0] for claim in claims):
         return out | {"wrong law"}
     if not claims:

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Five tasks on the live page by keyboard alone, the page that was sent, and a study of 100 recordings, in headless Chromium.
+"""Six tasks on the live page by keyboard alone, the page that was sent, and a study of 99 recordings, in headless Chromium.
 
-    V/bin/python tests/peers/studio_tasks.py target/release/aloft [--shots FOLDER] [--trials 100] [--chromium PATH]
+    V/bin/python tests/peers/studio_tasks.py target/release/aloft [--shots FOLDER] [--trials 99] [--chromium PATH]
 
 (`studio_browser.py` says how to make V.) The demonstration is copied to a temporary folder, run, and asked for missing effects. Tasks: switch on what is
 missing and keep it; leave out a recording and take it back; write a law with an error in it, correct it, see its interval, keep it; leave out a stretch of
-time, which a reload restores; compare two revisions and write notes. Then the report of that study is opened as a file: its switches give the program's
+time, which a reload restores; compare two revisions and write notes; set two subjects side by side. Then the report of that study is opened as a file: its switches give the program's
 numbers without a network. Last, a simulated study of many recordings is scrolled and played, and frame times are measured.
 Exit code 1 where something of this does not hold.
 """
@@ -29,6 +29,11 @@ seed: 41
 body: {{kind: chain, throws: {{recordings: {trials}, throws: 3}}}}
 capture: {{marker_noise_m: 0.0003, gap_fraction: 0.005}}
 hidden: [{{effect: quadratic_drag, drag_area_m2: 0.03}}]
+"""
+SUBJECT = """name: {name}
+seed: {seed}
+body: {{kind: human, person: {{sex: {sex}, height_m: {height}, mass_kg: {mass}}}, protocol: {{jumps: 6, exercises: 1}}}}
+capture: {{marker_noise_m: 0.0003, soft_tissue_m: 0.003}}
 """
 # frame times while something goes on, ms
 FRAMES = """(seconds) => new Promise((done) => {
@@ -69,7 +74,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("aloft")
     parser.add_argument("--shots")
-    parser.add_argument("--trials", type=int, default=100)
+    parser.add_argument("--trials", type=int, default=99, help="recordings of the large study, at most 99")
     parser.add_argument("--chromium", default="/usr/bin/chromium")
     args = parser.parse_args()
     temporary = tempfile.TemporaryDirectory()
@@ -242,6 +247,34 @@ def main():
         page.close()
         server.kill()
 
+        # 6. two subjects of a study
+        study = folder / "study"
+        study.mkdir()
+        table = ["participant_id\tsex\theight\tmass"]
+        for name, (sex, height, mass) in {"sub-01": ("F", 1.62, 58.0), "sub-02": ("M", 1.8, 77.5)}.items():
+            scenario = folder / f"{name}.yaml"
+            scenario.write_text(SUBJECT.format(name=name, sex=sex, height=height, mass=mass, seed=int(name[-1])))
+            subprocess.run([args.aloft, "simulate", str(scenario), "--out", str(study / name)], check=True, capture_output=True)
+            (study / name / "subject.yaml").unlink(missing_ok=True)
+            table.append(f"{name}\t{sex}\t{height}\t{mass}")
+        (study / "participants.tsv").write_text("\n".join(table) + "\n")
+        of_study = [str(REPO / "pipelines/study.yaml"), "--data", str(study), "--workspace", str(folder / "of_study")]
+        aloft("run", words=of_study)
+        aloft("discover", "--subject", "sub-01", "--closed", words=of_study)
+        server = Server([args.aloft, "studio", "--subject", "sub-01", *of_study])
+        page = tab(server.address)
+        restart(page)
+        check(tab_to(page, "e.tagName === 'SUMMARY' && e.textContent === 'Two subjects side by side'"), "6. Tab reaches the subjects")
+        page.keyboard.press("Enter")
+        until(page, "document.querySelectorAll('#studio-subjects-table figure.pair select').length === 2", 60)
+        first = page.locator("#studio-subjects-table figure.pair").inner_text()
+        tab_to(page, "e.tagName === 'SELECT' && e.closest('figure.pair')")
+        page.keyboard.press("ArrowDown")
+        check("sub-01" in first and "sub-02" in first, "6. by keyboard: both subjects stand side by side")
+        shot(page, "subjects")
+        page.close()
+        server.kill()
+
         if args.trials:
             scenario = folder / "many.yaml"
             scenario.write_text(MANY.format(trials=args.trials))
@@ -253,11 +286,11 @@ def main():
             page = tab(server.address)
             print(f"        {page.locator('.studio-trial').count()} recordings")
             median = frames(page, "scrolling the page", 4, "document.querySelectorAll('.studio details').forEach((d) => { d.open = true; }); window.going = setInterval(() => { window.scrollBy(0, 40); document.getElementById('studio').scrollBy(0, 40); }, 16)")
-            check(median < 34, "100 recordings scroll without lag (median)")
+            check(median < 34, f"{args.trials} recordings scroll without lag (median)")
             page.evaluate("window.scrollTo(0, 0); document.querySelector('.drawing.player').scrollIntoView()")
             page.wait_for_timeout(3000)
             median = frames(page, "playing", 4, "document.querySelector('.drawing.player button').click()")
-            check(median < 50, "a recording of 100 plays without lag (median)")
+            check(median < 50, f"a recording of {args.trials} plays without lag (median)")
             shot(page, "many")
             server.kill()
         errors = [e for e in errors if "ERR_CONNECTION" not in e]
