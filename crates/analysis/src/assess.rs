@@ -361,24 +361,32 @@ impl Setting<'_> {
             })
             .collect();
         let in_se = |b: &NoiseBias| b.bias.abs() / b.se;
-        let worst = biases.iter().filter(|b| in_se(b).is_finite()).max_by(|a, b| in_se(a).total_cmp(&in_se(b)));
-        let (largest_in_se, name) = worst.map_or((f64::NAN, ""), |b| (in_se(b), b.name.as_str()));
-        let biased = biases.iter().filter(|b| in_se(b) > 0.5 && b.bias.abs() > 2.0 * b.bias_se).count();
-        let words = format!(
-            "noise of the markers moves {} rows' parameters by at most {largest_in_se:.2} standard errors ({name}); {}",
-            rows.word(),
-            match biased {
-                0 => "no parameter by more than half of one".to_owned(),
-                n => format!("{n} of {} by more than half of one", biases.len()),
-            }
-        );
+        // a bias within twice its own standard error is no more than the scatter of its estimate
+        let shown = |b: &&NoiseBias| in_se(b).is_finite() && b.bias.abs() > 2.0 * b.bias_se;
+        let worst = biases.iter().filter(shown).max_by(|a, b| in_se(a).total_cmp(&in_se(b)));
+        let biased = biases.iter().filter(shown).filter(|b| in_se(b) > 0.5).count();
+        let (all, of) = (biases.len(), rows.word());
+        let words = match worst {
+            None => format!(
+                "noise of the markers moves none of the {of} rows' parameters beyond the scatter of this estimate"
+            ),
+            Some(b) => format!(
+                "noise of the markers moves {of} rows' parameters by at most {:.2} standard errors ({}); {}",
+                in_se(b),
+                b.name,
+                match biased {
+                    0 => "no parameter by more than half of one".to_owned(),
+                    n => format!("{n} of {all} by more than half of one"),
+                }
+            ),
+        };
         Ok(ErrorsInVariables {
             rows: rows.word().to_owned(),
             estimator: chosen.name().to_owned(),
             flights: flights.len(),
             levels: LEVELS.to_vec(),
             replicates: REPLICATES,
-            largest_in_se,
+            largest_in_se: biases.iter().map(in_se).filter(|x| x.is_finite()).fold(f64::NAN, f64::max),
             biased,
             parameters: biases,
             words,

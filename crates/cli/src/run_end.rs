@@ -235,8 +235,11 @@ fn several(views: &[(&SubjectSession, ComparisonView)], rows: usize) -> Result<(
 
 /// What to do about the subjects whose gate did not pass.
 fn to_do(views: &[(&SubjectSession, ComparisonView)]) -> Option<String> {
-    let short: Vec<(String, &str)> =
-        views.iter().filter_map(|(s, v)| Some((visible(&s.id.to_string()), v.parameters.to_do.as_deref()?))).collect();
+    let short: Vec<(String, &str)> = views
+        .iter()
+        .filter(|(_, v)| !v.parameters.gate_passed)
+        .filter_map(|(s, v)| Some((visible(&s.id.to_string()), v.parameters.to_do.as_deref()?)))
+        .collect();
     let (first, text) = short.first()?;
     let whose = match short.len() {
         1 => first.clone(),
