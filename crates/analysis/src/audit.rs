@@ -199,7 +199,7 @@ pub fn audit(file: &Path, trials: &[AuditTrial]) -> Result<Audit, PipelineError>
         trials: reports,
         words: Vec::new(),
     };
-    audit.words = words(&audit);
+    audit.words = sentences(&audit);
     Ok(audit)
 }
 
@@ -390,7 +390,7 @@ fn marker_rms_mm(subject: &Subject, trial: &Trial, motion: &Motion) -> Option<f6
 /// Share of body weight that an error in contact exceeds where a model does not balance.
 const LARGE: f64 = 0.05;
 
-fn words(a: &Audit) -> Vec<String> {
+fn sentences(a: &Audit) -> Vec<String> {
     let weight_n = a.mass_kg * aloft_body::STANDARD_GRAVITY_MPS2;
     let mut out = Vec::new();
     for (error, place) in [(a.flight_error_n, "in flight"), (a.contact_error_n, "on the plates")] {

@@ -129,7 +129,7 @@ impl ParametersBrief {
         Self {
             rows,
             trials: p.n_trials,
-            from_motion: p.base.iter().filter(|b| b.seen != Determination::Hardly).count(),
+            from_motion: p.base.iter().filter(|b| b.determination != Determination::Hardly).count(),
             in_all: p.base.len(),
             gate_passed: p.gate.passed,
             to_do: to_do(p),
@@ -410,7 +410,7 @@ pub enum JudgedOn {
 
 impl JudgedOn {
     /// The words of tables and of JSON.
-    pub fn words(self) -> &'static str {
+    pub fn describe(self) -> &'static str {
         match self {
             Self::Contact => "held-out contact",
             Self::Flight => "held-out flight",
@@ -420,7 +420,7 @@ impl JudgedOn {
 
 impl std::fmt::Display for JudgedOn {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.pad(self.words())
+        f.pad(self.describe())
     }
 }
 

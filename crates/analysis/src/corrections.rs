@@ -6,7 +6,7 @@
 
 use crate::compare::compare;
 use crate::history::{made_for, reached};
-use crate::session_check::{LineStanding, SessionCheck, SessionLine};
+use crate::session_check::{LineStatus, SessionCheck, SessionLine};
 use aloft_flight::{FlightReport, PlateTare, TareSource};
 use aloft_pipeline::made::as_made;
 use aloft_study::config::CorrectionsConfig;
@@ -41,7 +41,7 @@ const LEAST_ZERO_N: f64 = 2.0;
 /// not offered again, since the measurements then agree.
 pub fn offers(session: &SubjectSession, check: &SessionCheck) -> Vec<Offer> {
     let mut out = Vec::new();
-    let line = |id: &str| check.lines.iter().find(|l| l.id == id && l.standing == LineStanding::Differs);
+    let line = |id: &str| check.lines.iter().find(|l| l.id == id && l.status == LineStatus::Differs);
     let interval = |l: &SessionLine| {
         l.ci95.map_or(String::new(), |[a, b]| {
             let d = l.digits();

@@ -17,6 +17,8 @@ use aloft_discover::{
 use aloft_effects::{Effect, EffectInstance, PlateSeries};
 use aloft_flight::FlightReport;
 use aloft_identify::{LinkPrior, Prior};
+use aloft_pipeline::graph::results_hash;
+use aloft_pipeline::stages::below_weak_rows;
 use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::WeakOptions;
 use aloft_study::calendar::Calendar;
@@ -59,22 +61,11 @@ pub struct Kept<T> {
     pub answer: T,
 }
 
-/// Hash of the results that a ranking reads: subject, motion, flights and plates of every trial.
-/// The effects of the model are not part of it.
+/// Hash of the results that a ranking reads: those from which the weak rows of every trial are
+/// made. The effects of the model are not part of it.
 pub fn looked_at(session: &SubjectSession) -> String {
-    let ws = Workspace::open(&session.workspace);
-    let mut hasher = blake3::Hasher::new();
-    let mut add = |stage: &str, trial: &str| {
-        let output = ws.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
-        hasher.update(format!("{stage}/{trial} {output}\n").as_bytes());
-    };
-    add("calibrate", WHOLE_STUDY);
-    for trial in session.included().filter(|t| t.role.is_dynamic()) {
-        for stage in ["import", "ik", "flight"] {
-            add(stage, &trial.name);
-        }
-    }
-    hasher.finalize().to_hex().to_string()
+    let read = session.included().filter(|t| t.role.is_dynamic()).flat_map(|t| below_weak_rows(t, session));
+    results_hash(&Workspace::open(&session.workspace), read).to_hex().to_string()
 }
 
 /// Wraps an answer; an error if the results changed while it was computed.
@@ -202,7 +193,7 @@ impl Evidence {
         // laws of joints exert nothing on the body as a whole
         let accepted = accepted.into_iter().filter(|c| !c.effect.acts().in_joints()).collect();
         let prepared =
-            prepared.with_standing(standing(session, "flight"), standing(session, "contact")).with_progress(told);
+            prepared.with_model_error(standing(session, "flight"), standing(session, "contact")).with_progress(told);
         with(&RankingInputs { session: prepared, effects: known.all(), accepted })
     }
 }

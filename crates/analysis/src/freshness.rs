@@ -1,6 +1,6 @@
 //! Whether the results that a command shows match the present pipeline and recordings.
 
-use crate::status::{Standings, inputs_of, standings};
+use crate::status::{TaskStates, inputs_of, states};
 use aloft_pipeline::graph::{Manifests, TaskState};
 use aloft_pipeline::stages::STAGES;
 use aloft_study::revision::Revisions;
@@ -60,7 +60,7 @@ pub fn with_stale<T>(
 pub fn freshness(session: &SubjectSession) -> Result<Freshness, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let manifests = Manifests::read_and_examine(session, &ws, STAGES);
-    let mut stale = of_standings(session, &ws, &standings(session, &ws, &manifests)?);
+    let mut stale = not_current_of(session, &ws, &states(session, &ws, &manifests)?);
     if let Some(pending) = Revisions::load(&session.workspace)?.pending {
         stale.insert(
             0,
@@ -80,25 +80,25 @@ pub fn freshness(session: &SubjectSession) -> Result<Freshness, PipelineError> {
 pub fn of_result(session: &SubjectSession, stage: &str, trial: &str) -> Result<Option<NotCurrent>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let manifests = Manifests::read(session, &ws, STAGES);
-    let all = of_standings(session, &ws, &standings(session, &ws, &manifests)?);
+    let all = not_current_of(session, &ws, &states(session, &ws, &manifests)?);
     Ok(all.into_iter().find(|n| n.stage == stage && n.trial == trial))
 }
 
 /// The same from known task states. A result whose trial failed, or that was blocked by a failure,
 /// counts as up to date.
-pub fn of_standings(session: &SubjectSession, ws: &Workspace, standings: &Standings) -> Vec<NotCurrent> {
+pub fn not_current_of(session: &SubjectSession, ws: &Workspace, states: &TaskStates) -> Vec<NotCurrent> {
     let is_left = |stage: &str, trial: &str| ws.manifest(stage, trial).is_some_and(|m| m.is_ok());
     let mut out: Vec<NotCurrent> = Vec::new();
     let mut behind: HashSet<(&str, &str)> = HashSet::new();
     for stage in STAGES {
         for task in stage.tasks(session) {
             let trial = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
-            let Some(standing) = standings.get(&(stage.name, trial.to_owned())) else { continue };
+            let Some(state) = states.get(&(stage.name, trial.to_owned())) else { continue };
             let above = inputs_of(stage, task, session)
                 .into_iter()
                 .map(|(s, t)| (s.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str())))
                 .find(|above| behind.contains(above));
-            let (state, because, follows) = match (standing, above) {
+            let (state, because, follows) = match (state, above) {
                 (TaskState::Damaged(problems), _) => ("damaged", problems.join("; "), false),
                 (TaskState::Missing, None) => ("missing", "never run".to_owned(), false),
                 (TaskState::Stale(changes), None) => ("stale", changes.join("; "), false),

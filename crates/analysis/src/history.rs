@@ -392,9 +392,9 @@ mod tests {
         ] {
             let all = revisions(reached(2.0, 3.0, 1.2), key);
             let (first, second) = (row(&all, 0, &acts, 600.0), row(&all, 1, &acts, 600.0));
-            assert_eq!(second.judged_on.map(JudgedOn::words), Some(place), "{key}");
+            assert_eq!(second.judged_on.map(JudgedOn::describe), Some(place), "{key}");
             assert_eq!((second.held_out_error_before, second.held_out_error), (Some(before), Some(now)));
-            assert_eq!((first.held_out_error, first.judged_on.map(JudgedOn::words)), (Some(before), Some(place)));
+            assert_eq!((first.held_out_error, first.judged_on.map(JudgedOn::describe)), (Some(before), Some(place)));
             assert!((second.explainable.unwrap() - (1.0 - 1.0 / now.powi(2))).abs() < 1e-12);
             assert_eq!(second.largest_change.as_ref().map(|c| c.0.as_str()), Some("MCx"));
         }

@@ -43,5 +43,5 @@ pub mod unknowns;
 pub mod verdict;
 pub mod verify;
 pub mod visible;
-pub mod words;
+pub mod wording;
 pub mod workflow;

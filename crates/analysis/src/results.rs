@@ -18,7 +18,8 @@ pub(crate) struct Made<'a> {
     pub results: Results<'a>,
     /// Trials with rows and their roles.
     pub trials: Vec<(String, Role)>,
-    workspace: &'a Workspace,
+    /// The workspace that they stand in.
+    pub workspace: &'a Workspace,
 }
 
 impl Made<'_> {

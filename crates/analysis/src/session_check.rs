@@ -21,7 +21,7 @@ use serde::de::DeserializeOwned;
 /// How a measurement stands to its expectation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum LineStanding {
+pub enum LineStatus {
     /// The interval holds the expectation.
     Agrees,
     /// It does not.
@@ -30,7 +30,7 @@ pub enum LineStanding {
     Reading,
 }
 
-impl LineStanding {
+impl LineStatus {
     /// Word used in tables.
     pub fn word(self) -> &'static str {
         match self {
@@ -59,7 +59,8 @@ pub struct SessionLine {
     /// Number of observations.
     pub n: usize,
     /// How it stands.
-    pub standing: LineStanding,
+    #[serde(rename = "standing")]
+    pub status: LineStatus,
     /// Explanation, and what to do.
     pub words: String,
 }
@@ -77,11 +78,11 @@ fn mean(values: &[f64]) -> Option<(f64, f64, usize)> {
     Some((mean, deviation / (values.len() as f64).sqrt(), values.len()))
 }
 
-fn standing(ci95: Option<[f64; 2]>, expected: Option<f64>) -> LineStanding {
+fn status(ci95: Option<[f64; 2]>, expected: Option<f64>) -> LineStatus {
     match (ci95, expected) {
-        (Some([low, high]), Some(e)) if (low..=high).contains(&e) => LineStanding::Agrees,
-        (Some(_), Some(_)) => LineStanding::Differs,
-        _ => LineStanding::Reading,
+        (Some([low, high]), Some(e)) if (low..=high).contains(&e) => LineStatus::Agrees,
+        (Some(_), Some(_)) => LineStatus::Differs,
+        _ => LineStatus::Reading,
     }
 }
 
@@ -131,7 +132,7 @@ fn persons_line(session: &SubjectSession) -> Option<SessionLine> {
         ci95: None,
         expected: Some(1.0),
         n: persons.iter().map(|p| p.trials.len()).sum(),
-        standing: LineStanding::Differs,
+        status: LineStatus::Differs,
         words: several_persons(&persons)?,
     })
 }
@@ -146,7 +147,7 @@ fn repeated_line(session: &SubjectSession) -> Option<SessionLine> {
         ci95: None,
         expected: Some(0.0),
         n: pairs.len(),
-        standing: LineStanding::Differs,
+        status: LineStatus::Differs,
         words: repeated_words(&pairs)?,
     })
 }
@@ -161,9 +162,9 @@ fn timing(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     let scatter = if n > 1 { half95(se, (n - 1) as f64) } else { half95(own, f64::INFINITY) };
     let half = scatter.zip(half95(common, f64::INFINITY)).map(|(s, c)| s.hypot(c));
     let ci95 = half.map(|h| [value - h, value + h]);
-    let standing = standing(ci95, Some(0.0));
+    let status = status(ci95, Some(0.0));
     let spread = scatter.filter(|_| n > 1).map_or(String::new(), |s| format!("; contact to contact ± {s:.1} ms"));
-    let words = if standing == LineStanding::Differs {
+    let words = if status == LineStatus::Differs {
         format!(
             "plates are {} by the time at which the flights before and after a contact cross{spread}; \
              `corrections: {{plate_delay_s: …}}` moves them, or the effect `plate_time_offset` is added to the model",
@@ -173,17 +174,7 @@ fn timing(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         format!("from the time at which the flights before and after a contact cross{spread}")
     };
     let what = "plates against cameras in time".to_owned();
-    lines.push(SessionLine {
-        id: "plate_delay",
-        what,
-        value,
-        unit: "ms",
-        ci95,
-        expected: Some(0.0),
-        n,
-        standing,
-        words,
-    });
+    lines.push(SessionLine { id: "plate_delay", what, value, unit: "ms", ci95, expected: Some(0.0), n, status, words });
 }
 
 /// Share of the body mass by which a reading without an interval has to be off to differ.
@@ -207,8 +198,8 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     });
     if let Some((value, half, n)) = by_impulse {
         let ci95 = half.map(|h| [value - h, value + h]);
-        let standing = standing(ci95, Some(stated));
-        let words = if standing == LineStanding::Differs {
+        let status = status(ci95, Some(stated));
+        let words = if status == LineStatus::Differs {
             format!(
                 "the stated mass is {:.1} kg: either it or the gain of all plates ({:+.1} %) is off; standing on them with a \
                  known weight tells which",
@@ -227,7 +218,7 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             ci95,
             expected: Some(stated),
             n,
-            standing,
+            status,
             words,
         });
     }
@@ -251,18 +242,18 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         let ci95 = by_impulse.and_then(|(_, half, _)| half).map(|h| [value - h, value + h]);
         // without an interval only what no zero of a plate explains differs
         let far = ci95.is_none() && (value / expected - 1.0).abs() > FAR;
-        let standing = if far { LineStanding::Differs } else { standing(ci95, Some(expected)) };
+        let status = if far { LineStatus::Differs } else { status(ci95, Some(expected)) };
         let by = if by_impulse.is_some() { "the impulse between flights" } else { "the stated mass" };
         let off = load_n - expected * g;
         let words = format!(
             "static plates carry {:.0} N {} than {by}{}",
             off.abs(),
             if off < 0.0 { "less" } else { "more" },
-            match standing {
-                LineStanding::Differs if far => {
+            match status {
+                LineStatus::Differs if far => {
                     ": a part of the body beside them, a plate that was not recorded, or another body mass"
                 }
-                LineStanding::Differs => {
+                LineStatus::Differs => {
                     ": an offset of plates that are never unloaded there, or a part of the body beside them"
                 }
                 _ => "",
@@ -277,7 +268,7 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             ci95,
             expected: Some(expected),
             n: 1,
-            standing,
+            status,
             words,
         });
     }
@@ -316,7 +307,7 @@ fn tares(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
                 ci95: None,
                 expected: Some(0.0),
                 n: 0,
-                standing: LineStanding::Reading,
+                status: LineStatus::Reading,
                 words,
             });
             continue;
@@ -331,7 +322,7 @@ fn tares(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             let range = if n == 1 { format!("{low:+.1} N") } else { format!("{low:+.1} to {high:+.1} N") };
             format!("taken off in {n} recording{} ({range}){never}", if n == 1 { "" } else { "s" })
         };
-        let standing = if value.abs() > 2.0 { LineStanding::Differs } else { LineStanding::Agrees };
+        let status = if value.abs() > 2.0 { LineStatus::Differs } else { LineStatus::Agrees };
         lines.push(SessionLine {
             id: "plate_zero",
             what,
@@ -340,7 +331,7 @@ fn tares(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             ci95,
             expected: Some(0.0),
             n,
-            standing,
+            status,
             words,
         });
     }
@@ -356,8 +347,8 @@ fn free_fall(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite()).unwrap_or(0.0);
     let half = half.hypot(half95(common, f64::INFINITY).unwrap_or(0.0));
     let ci95 = Some([value - half, value + half]);
-    let state = standing(ci95, Some(1.0));
-    let words = if state == LineStanding::Differs {
+    let state = status(ci95, Some(1.0));
+    let words = if state == LineStatus::Differs {
         "free fall over stated gravity: a frame rate (½ of the difference), a length, or a steady support; see `aloft explain`"
     } else {
         "free fall over stated gravity: rate²·length is consistent"
@@ -370,7 +361,7 @@ fn free_fall(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         ci95,
         expected: Some(1.0),
         n,
-        standing: state,
+        status: state,
         words: words.to_owned(),
     });
     let flights: f64 = falls.iter().map(|f| f.flights as f64).sum();
@@ -382,7 +373,7 @@ fn free_fall(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     if let Some((mean_half, ..)) = mean(&halves) {
         // the bias of a person's centre of mass repeats from flight to flight
         let ci95 = [(tilt - mean_half).max(0.0), tilt + mean_half];
-        let state = standing(Some(ci95), Some(0.0));
+        let state = status(Some(ci95), Some(0.0));
         lines.push(SessionLine {
             id: "vertical",
             what: "vertical against gravity".to_owned(),
@@ -391,7 +382,7 @@ fn free_fall(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             ci95: Some(ci95),
             expected: Some(0.0),
             n,
-            standing: state,
+            status: state,
             words: "angle between the stated vertical and the mean fall".to_owned(),
         });
     }
@@ -409,7 +400,7 @@ fn contact(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             .into_iter()
             .map(|r| (r, with.iter().map(|c| c.left_out_s(r)).sum::<f64>()))
             .filter(|(_, s)| *s > 0.0)
-            .map(|(r, s)| format!("{} {s:.2} s", r.words()))
+            .map(|(r, s)| format!("{} {s:.2} s", r.describe()))
             .collect();
     let words = if why.is_empty() {
         format!("{kept:.1} s in contact, all of it measured")
@@ -424,7 +415,7 @@ fn contact(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         ci95: None,
         expected: None,
         n: with.len(),
-        standing: LineStanding::Reading,
+        status: LineStatus::Reading,
         words,
     });
 }
@@ -457,7 +448,7 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         ci95: None,
         expected: Some(0.0),
         n: reports.len(),
-        standing: if n == 0 { LineStanding::Agrees } else { LineStanding::Differs },
+        status: if n == 0 { LineStatus::Agrees } else { LineStatus::Differs },
         words,
     });
     let noise: Vec<f64> = source
@@ -477,7 +468,7 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             ci95: half.map(|h| [(value - h).max(0.0), value + h]),
             expected: None,
             n,
-            standing: LineStanding::Reading,
+            status: LineStatus::Reading,
             words: "white part, from fourth differences; a lower bound where trajectories were smoothed".to_owned(),
         });
     }
@@ -502,7 +493,7 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             ci95: half.map(|h| [(value - h).max(0.0), value + h]),
             expected: None,
             n,
-            standing: LineStanding::Reading,
+            status: LineStatus::Reading,
             words: format!("worst: {}", worst.join(", ")),
         });
     }
@@ -579,7 +570,7 @@ mod tests {
 
     fn line(value: f64, unit: &'static str, ci95: Option<[f64; 2]>) -> SessionLine {
         let (what, words) = (String::new(), String::new());
-        SessionLine { id: "x", what, value, unit, ci95, expected: None, n: 1, standing: LineStanding::Reading, words }
+        SessionLine { id: "x", what, value, unit, ci95, expected: None, n: 1, status: LineStatus::Reading, words }
     }
 
     #[test]

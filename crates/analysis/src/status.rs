@@ -1,7 +1,7 @@
 //! `status` and `explain`: the state of every stage of every trial, and the reason for it.
 
-use crate::freshness::of_standings;
-use aloft_pipeline::graph::{self, Manifests, Need, Stage, TaskState};
+use crate::freshness::not_current_of;
+use aloft_pipeline::graph::{self, Manifests, Stage, TaskState};
 use aloft_pipeline::selection::stage_index;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
@@ -38,7 +38,7 @@ pub struct StatusRow {
 #[derive(Debug, Clone)]
 pub struct Explanation {
     /// State of the task.
-    pub standing: TaskState,
+    pub state: TaskState,
     /// Manifest of the last result.
     pub manifest: Option<Manifest>,
     /// Upstream results that are not up to date, with the reasons. Once they run again, this result
@@ -46,7 +46,7 @@ pub struct Explanation {
     pub before: Vec<String>,
 }
 
-fn stand(
+fn present_state(
     stage: &Stage,
     trial: Option<&TrialEntry>,
     session: &SubjectSession,
@@ -67,12 +67,12 @@ pub fn status(session: &SubjectSession) -> Result<Status, PipelineError> {
 
 /// The same from manifests that were already read.
 pub fn grid(session: &SubjectSession, ws: &Workspace, manifests: &Manifests) -> Result<Status, PipelineError> {
-    let standings = standings(session, ws, manifests)?;
+    let states = states(session, ws, manifests)?;
     let behind: HashSet<(String, String)> =
-        of_standings(session, ws, &standings).into_iter().map(|n| (n.stage, n.trial)).collect();
+        not_current_of(session, ws, &states).into_iter().map(|n| (n.stage, n.trial)).collect();
     let word = |stage: &'static str, trial: &str| {
         let key = (stage, trial.to_owned());
-        match standings.get(&key) {
+        match states.get(&key) {
             None => String::new(),
             Some(s) if s.is_current() && behind.contains(&(stage.to_owned(), key.1)) => "stale".to_owned(),
             Some(s) => s.word().to_owned(),
@@ -107,23 +107,23 @@ pub fn explain(session: &SubjectSession, trial: &str, stage: &str) -> Result<Exp
             aloft_study::nearest::hint(trial, &names, "it runs for"),
         ));
     };
-    let standings = standings(session, &ws, &manifests)?;
-    Ok(explanation(stage, task, session, &manifests, &standings))
+    let states = states(session, &ws, &manifests)?;
+    Ok(explanation(stage, task, session, &manifests, &states))
 }
 
 /// State of every task, by stage and trial.
-pub type Standings = HashMap<(&'static str, String), TaskState>;
+pub type TaskStates = HashMap<(&'static str, String), TaskState>;
 
-pub(crate) fn standings(
+pub(crate) fn states(
     session: &SubjectSession,
     ws: &Workspace,
     manifests: &Manifests,
-) -> Result<Standings, PipelineError> {
+) -> Result<TaskStates, PipelineError> {
     let mut all = HashMap::new();
     for stage in STAGES {
         for task in stage.tasks(session) {
             let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str()).to_owned();
-            all.insert((stage.name, name), stand(stage, task, session, ws, manifests)?);
+            all.insert((stage.name, name), present_state(stage, task, session, ws, manifests)?);
         }
     }
     Ok(all)
@@ -144,7 +144,7 @@ pub fn explain_all(
     }
     let ws = Workspace::open(&session.workspace);
     let manifests = Manifests::read_and_examine(session, &ws, STAGES);
-    let standings = standings(session, &ws, &manifests)?;
+    let states = states(session, &ws, &manifests)?;
     let mut all = Vec::new();
     for stage in STAGES {
         for task in stage.tasks(session) {
@@ -152,8 +152,8 @@ pub fn explain_all(
             if trial.is_some_and(|t| t != name) {
                 continue;
             }
-            let found = explanation(stage, task, session, &manifests, &standings);
-            if !found.standing.is_current() || !found.before.is_empty() {
+            let found = explanation(stage, task, session, &manifests, &states);
+            if !found.state.is_current() || !found.before.is_empty() {
                 all.push((stage.name, name.to_owned(), found));
             }
         }
@@ -166,10 +166,10 @@ fn explanation(
     task: Option<&TrialEntry>,
     session: &SubjectSession,
     manifests: &Manifests,
-    standings: &Standings,
+    states: &TaskStates,
 ) -> Explanation {
     let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
-    let of = |stage: &Stage, name: &str| standings.get(&(stage.name, name.to_owned())).cloned();
+    let of = |stage: &Stage, name: &str| states.get(&(stage.name, name.to_owned())).cloned();
     let mut before = Vec::new();
     let mut seen = BTreeSet::from([(stage.name, name.to_owned())]);
     let mut open = inputs_of(stage, task, session);
@@ -198,7 +198,7 @@ fn explanation(
         before.push(format!("… and {more} more before it"));
     }
     Explanation {
-        standing: of(stage, name).unwrap_or(TaskState::Missing),
+        state: of(stage, name).unwrap_or(TaskState::Missing),
         manifest: manifests.get(stage.name, name).cloned(),
         before,
     }
@@ -211,25 +211,6 @@ pub(crate) fn inputs_of<'s>(
     session: &'s SubjectSession,
 ) -> Vec<(&'static Stage, Option<&'s TrialEntry>)> {
     let named = |name: &str| STAGES.iter().copied().find(|s| s.name == name);
-    let mut found = Vec::new();
-    for need in stage.needs {
-        match need {
-            Need::Recording => {}
-            Need::Same(name) => found.extend(named(name).map(|s| (s, task))),
-            Need::Once(name) => found.extend(named(name).map(|s| (s, None))),
-            Need::Every(name, roles) | Need::Merged(name, roles) => {
-                if let Some(s) = named(name) {
-                    found.extend(session.included().filter(|t| roles.contains(&t.role)).map(|t| (s, Some(t))));
-                }
-            }
-            Need::EveryOrStaticFrames(name, roles) => {
-                let still = session.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
-                let takes = |t: &&TrialEntry| roles.contains(&t.role) || still == Some(t.name.as_str());
-                if let Some(s) = named(name) {
-                    found.extend(session.included().filter(takes).map(|t| (s, Some(t))));
-                }
-            }
-        }
-    }
-    found
+    let read = stage.needs.iter().flat_map(|need| need.results(task, session));
+    read.filter_map(|(name, of)| Some((named(name)?, of))).collect()
 }

@@ -6,6 +6,8 @@ use crate::stored_columns::{self, TrialColumns};
 use crate::switches::{WithoutSwitch, stop};
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::{Body, Comparison, RecordingOffset, WindowRows};
+use aloft_pipeline::graph::results_hash;
+use aloft_pipeline::stages::below_all_rows;
 use aloft_pipeline::stages::compare::{self as stage, ComparedTrial, HeldOut, compare_options};
 use aloft_pipeline::stages::regressor::{self, weak_factors_with};
 use aloft_pipeline::trial_rows::{TrialRows, effect_columns};
@@ -14,7 +16,6 @@ use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::key::key;
-use aloft_workspace::manifest::WHOLE_STUDY;
 use rayon::prelude::*;
 use serde_json::json;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -177,20 +178,15 @@ pub(crate) fn rows_of(
 /// Folder of the stored rows in a workspace.
 const FOLDER: &str = "columns";
 /// Version of the stored rows; to be raised when they change.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// Hash of everything that the rows of a trial depend on.
 fn made_from(made: &Made<'_>, trial: &str, role: Role, compared: bool, settings: &serde_json::Value) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(settings.to_string().as_bytes());
     hasher.update(format!("{} {compared}", role.word()).as_bytes());
-    let once = ["scale", "calibrate"].map(|stage| (stage, WHOLE_STUDY));
-    let own = ["import", "ik", "filter", "flight"].map(|stage| (stage, trial));
-    // the times of the session come from all recordings
-    let all = made.session.included().map(|t| ("import", t.name.as_str()));
-    for (stage, trial) in once.into_iter().chain(own).chain(all) {
-        hasher.update(made.results.manifest(stage, trial).map(|m| m.output).unwrap_or_default().as_bytes());
-    }
+    let Some(trial) = made.session.trials.iter().find(|t| t.name == trial) else { return String::new() };
+    hasher.update(results_hash(made.workspace, below_all_rows(trial, made.session)).as_bytes());
     hasher.finalize().to_hex().to_string()
 }
 

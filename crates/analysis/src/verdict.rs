@@ -27,7 +27,7 @@ pub fn groups(d: &Discovery) -> String {
 
 /// The verdict in a few words: `supported: tether`, `one of {wind, tilt}`, `nothing missing` …, and
 /// that on the torques of joints where they were logged.
-pub fn words(d: &Discovery) -> String {
+pub fn sentence(d: &Discovery) -> String {
     match &d.joints {
         Some(j) => format!("{}; in the torques of joints: {}", of_body(d), j.short()),
         None => of_body(d),

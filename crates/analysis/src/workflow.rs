@@ -25,6 +25,7 @@ use aloft_workspace::json::write_json_whole;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use serde_json::{Value, json};
+use std::collections::HashSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -85,7 +86,7 @@ fn group(stage: &Stage) -> Option<String> {
 }
 
 /// Short hash of what a stage's jobs depend on besides files: its version and its parameters.
-fn seen(stage: &Stage, session: &SubjectSession) -> String {
+fn settings_hash(stage: &Stage, session: &SubjectSession) -> String {
     let parameters: Vec<Value> = stage.tasks(session).into_iter().map(|t| (stage.parameters)(session, t)).collect();
     let text = json!([stage.version, parameters]).to_string();
     blake3::hash(text.as_bytes()).to_hex()[..12].to_owned()
@@ -93,19 +94,15 @@ fn seen(stage: &Stage, session: &SubjectSession) -> String {
 
 /// Results that no other stage reads, `stage/trial`: if these exist, all others do, too.
 fn ends(session: &SubjectSession) -> Vec<String> {
-    let read = |name: &str, trial: Option<&TrialEntry>| {
-        let plays = |roles: &[Role]| trial.is_some_and(|t| roles.contains(&t.role));
-        STAGES.iter().any(|by| {
-            by.needs.iter().any(|need| match need {
-                Need::Recording => false,
-                Need::Once(n) => *n == name,
-                Need::Same(n) => *n == name && roles(by).is_some_and(plays),
-                Need::Every(n, of) | Need::Merged(n, of) | Need::EveryOrStaticFrames(n, of) => *n == name && plays(of),
-            })
-        })
-    };
+    let name_of = |trial: Option<&TrialEntry>| trial.map(|t| t.name.clone());
+    let read: HashSet<(&str, Option<String>)> = STAGES
+        .iter()
+        .flat_map(|by| by.tasks(session).into_iter().map(move |t| (by, t)))
+        .flat_map(|(by, t)| by.needs.iter().flat_map(move |need| need.results(t, session)))
+        .map(|(name, of)| (name, name_of(of)))
+        .collect();
     let all = STAGES.iter().flat_map(|s| s.tasks(session).into_iter().map(|t| (s.name, t)));
-    all.filter(|(name, t)| !read(name, *t))
+    all.filter(|(name, t)| !read.contains(&(*name, name_of(*t))))
         .map(|(name, t)| format!("{name}/{}", t.map_or(WHOLE_STUDY.to_owned(), |t| names::file(&t.name))))
         .collect()
 }
@@ -122,7 +119,7 @@ fn plan(member: &Member<'_>) -> Value {
         })
         .collect();
     let hashes: serde_json::Map<String, Value> =
-        STAGES.iter().map(|s| (s.name.to_owned(), json!(seen(s, session)))).collect();
+        STAGES.iter().map(|s| (s.name.to_owned(), json!(settings_hash(s, session)))).collect();
     let tree = merge::Tree::of(session);
     json!({
         "words": member.describe(),

@@ -498,7 +498,7 @@ fn show_one_check(session: &SubjectSession, args: &PipelineArgs, details: bool) 
         }
     } else {
         for f in found.findings.iter().take(FINDINGS) {
-            note(format!("{}: {}", if f.broken { "broken" } else { "warning" }, f.words(found.trials.len())));
+            note(format!("{}: {}", if f.broken { "broken" } else { "warning" }, f.sentence(found.trials.len())));
         }
         let rest = found.findings.len().saturating_sub(FINDINGS);
         let remarks: usize = found.trials.iter().map(|t| t.remarks.len()).sum();

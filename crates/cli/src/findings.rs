@@ -71,7 +71,7 @@ fn names(list: &[String]) -> String {
 /// The discovery as text.
 pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     let d = &view.discovery;
-    out(labelled("verdict: ", &verdict::words(d)))?;
+    out(labelled("verdict: ", &verdict::sentence(d)))?;
     errors(view)?;
     if let Some(words) = verdict::how_sure(d) {
         out(labelled("sure: ", &words))?;
@@ -100,9 +100,9 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
         crate::laws::laws(open)?;
     }
     let mut limits: Vec<&str> = Vec::new();
-    for duel in d.rounds.iter().flat_map(|r| &r.duels).filter(|duel| duel.only_as_limit) {
-        if !limits.contains(&duel.effect.as_str()) {
-            limits.push(&duel.effect);
+    for test in d.rounds.iter().flat_map(|r| &r.rival_tests).filter(|test| test.only_as_limit) {
+        if !limits.contains(&test.effect.as_str()) {
+            limits.push(&test.effect);
         }
     }
     if !limits.is_empty() {

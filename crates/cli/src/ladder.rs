@@ -123,7 +123,7 @@ fn whole(rows: &[HistoryRow]) -> Result<(), Stop> {
         t.add_row([
             r.revision.to_string(),
             if r.effects.is_empty() { "none".into() } else { r.effects.join(", ") },
-            r.judged_on.map_or("–".to_owned(), |j| j.words().to_owned()),
+            r.judged_on.map_or("–".to_owned(), |j| j.describe().to_owned()),
             r.explainable.map_or("–".to_owned(), |x| format!("{:.0}", 100.0 * x)),
             figure(r.sigma_ratio),
             figure(r.marker_rms_mm),

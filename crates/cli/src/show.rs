@@ -6,7 +6,7 @@ use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, errors_of, judged_on, mean};
 use aloft_analysis::parameters::ParametersView;
 use aloft_analysis::summary::Summary;
-use aloft_analysis::words::model_word;
+use aloft_analysis::wording::model_word;
 use aloft_compare::Signal;
 use aloft_study::quote::visible;
 
@@ -43,7 +43,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
             half(b.ci95),
             b.prior.map_or("–".to_owned(), |v| significant(v, 3)),
             b.unit.clone(),
-            b.standing().to_owned(),
+            b.determined_by().to_owned(),
             crate::screen::cut(&b.formula, 60),
         ]);
     }

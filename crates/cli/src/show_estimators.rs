@@ -8,7 +8,7 @@ use aloft_analysis::assess::Assessment;
 use aloft_analysis::compare::{CalibrationView, ImpulseMassView};
 use aloft_analysis::estimators::{ErrorsBrief, EstimatorsView, LeaveOneOutView};
 use aloft_analysis::next_flights::{Expected, NextFlights};
-use aloft_analysis::words::model_word;
+use aloft_analysis::wording::model_word;
 
 fn number(value: Option<f64>) -> String {
     value.map_or("–".to_owned(), |x| significant(x, 3))

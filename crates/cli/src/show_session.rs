@@ -4,7 +4,7 @@ use crate::render::{note, out};
 use crate::screen::table;
 use crate::stop::Stop;
 use aloft_analysis::corrections;
-use aloft_analysis::session_check::{LineStanding, SessionCheck};
+use aloft_analysis::session_check::{LineStatus, SessionCheck};
 use aloft_study::quote::visible;
 
 /// The session check, where the recordings have been processed.
@@ -20,11 +20,11 @@ pub fn session_check(checked: &SessionCheck) -> Result<(), Stop> {
             line.interval_words(),
             line.expected.map_or("–".to_owned(), |e| line.number(e)),
             line.n.to_string(),
-            line.standing.word().to_owned(),
+            line.status.word().to_owned(),
         ]);
     }
     out(t)?;
-    for line in checked.lines.iter().filter(|l| l.standing == LineStanding::Differs || l.id == "contact_measured") {
+    for line in checked.lines.iter().filter(|l| l.status == LineStatus::Differs || l.id == "contact_measured") {
         note(format!("{}: {}", line.what, visible(&line.words)));
     }
     Ok(())

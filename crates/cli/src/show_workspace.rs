@@ -86,8 +86,8 @@ pub fn explain(args: &PipelineArgs, trial: Option<&str>, stage: Option<&str>) ->
 }
 
 fn show_explanation(found: &status::Explanation, trial: &str, stage: &str, whole: bool) -> Result<(), Stop> {
-    out(format!("{stage} of {}: {}", visible(trial), found.standing.word()))?;
-    match &found.standing {
+    out(format!("{stage} of {}: {}", visible(trial), found.state.word()))?;
+    match &found.state {
         TaskState::Stale(changes) => {
             for change in changes {
                 out(labelled("  ", change))?;

@@ -37,7 +37,7 @@ pub(crate) fn look_beyond(
         crate::laws::misfit(session, problem, kept, &out.found, options.belief_kinematics, options.seed)
     });
     let remains = left[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
-    let several_above = several && session.standing[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
+    let several_above = several && session.model_error[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
     if !(remains || several_above || out.misfit.is_some()) {
         return;
     }

@@ -112,8 +112,8 @@ pub(crate) fn conclude(
     let weight = session.unit[0];
     // scale to the errors of the comparison, if one was made: relative change from the rows,
     // newtons from the comparison
-    let standing = session.standing[usize::from(!has_flights)];
-    let scale = standing.map_or(weight, |s| s.held_out_error / before.sqrt());
+    let model_error = session.model_error[usize::from(!has_flights)];
+    let scale = model_error.map_or(weight, |s| s.held_out_error / before.sqrt());
     // errors of the present model, before any effect found here: contact rounds already contain
     // the effects found in flight
     let error_with = |domain: Domain, kept: &[Variant<'_>], found: &[Found]| {
@@ -129,20 +129,20 @@ pub(crate) fn conclude(
     for round in &mut rounds {
         let of = usize::from(round.judged_on != wording::domain(Domain::Flight));
         let first = first_error[of];
-        if let (Some(s), true) = (session.standing[of], first > 0.0) {
+        if let (Some(s), true) = (session.model_error[of], first > 0.0) {
             round.held_out_error *= s.held_out_error / first;
         }
     }
     // remaining error with the effects found, in each domain: computed by the stages, or estimated
     let computed = if lost { None } else { session.by_stages.with(&found) };
     let estimated = |i: usize| -> Option<HeldOutResult> {
-        let standing = session.standing[i]?;
+        let model_error = session.model_error[i]?;
         let share = match (i, has_flights) {
             _ if kept.is_empty() => 1.0,
             (0, true) | (_, false) if !lost => (after / before).sqrt(),
             _ => error_with(places[i], &kept, &found)? / first_error[i],
         };
-        share.is_finite().then_some(HeldOutResult { held_out_error: standing.held_out_error * share, ..standing })
+        share.is_finite().then_some(HeldOutResult { held_out_error: model_error.held_out_error * share, ..model_error })
     };
     let estimates = [estimated(0), estimated(1)];
     let left = [0, 1].map(|i| computed.and_then(|c| c[i]).or(estimates[i]));
@@ -152,8 +152,8 @@ pub(crate) fn conclude(
         effects: once,
         groups,
         words: String::new(),
-        noise_floor: standing.map_or(f64::NAN, |s| s.noise_floor),
-        noise_floor_ci95: standing.and_then(|s| s.noise_floor_ci95),
+        noise_floor: model_error.map_or(f64::NAN, |s| s.noise_floor),
+        noise_floor_ci95: model_error.and_then(|s| s.noise_floor_ci95),
         held_out_error: before.sqrt() * scale,
         held_out_error_after: after.sqrt() * scale,
         held_out_error_of_weight: before.sqrt() * scale / weight,
@@ -175,7 +175,7 @@ pub(crate) fn conclude(
     let far = (0..2)
         .filter(|i| *i == 0 || !only_flight)
         .filter_map(|i| {
-            let (before, after) = (session.standing[i]?, left[i]?);
+            let (before, after) = (session.model_error[i]?, left[i]?);
             let judged_here = kept.iter().any(|v| v.effect.acts().in_flight() == (i == 0));
             // a lack of fit shows in the rows and in the comparison
             let share = [Some(after), estimates[i]].into_iter().flatten().map(|s| before.share_left(&s));
@@ -201,7 +201,7 @@ pub(crate) fn conclude(
         look_beyond(session, accepted, effects, &kept, &left, &mut out, until, options);
     }
     // an error within the interval of a floor that is hardly known may hold anything
-    let undecided = standing.filter(|s| out.verdict == Verdict::NothingMissing && s.is_undecided());
+    let undecided = model_error.filter(|s| out.verdict == Verdict::NothingMissing && s.is_undecided());
     if undecided.is_some() {
         out.verdict = Verdict::NotDetectable;
     }

@@ -96,8 +96,8 @@ pub fn discover(
                 .collect();
             let plain = problem.plain();
             if kept.is_empty() {
-                at_floor = session.standing[usize::from(domain == Domain::Contact)]
-                    .map(|standing| AtFloor { standing, scale: standing.held_out_error / plain.sqrt() });
+                at_floor = session.model_error[usize::from(domain == Domain::Contact)]
+                    .map(|model_error| AtFloor { model_error, scale: model_error.held_out_error / plain.sqrt() });
             }
             // An error at its floor leaves nothing to explain: further effects would fit errors
             // that repeat. A rigid body has no such errors, and a small second effect can hide
@@ -170,7 +170,7 @@ pub fn discover(
                 Some(rival) if go_on && !enough => {
                     // an effect that reproduces the named one at the edge of its range is named,
                     // too
-                    let limit_of_named = |id: &str| round.duels.iter().any(|d| d.only_as_limit && d.effect == id);
+                    let limit_of_named = |id: &str| round.rival_tests.iter().any(|d| d.only_as_limit && d.effect == id);
                     let named = |id: &str| round.effects.iter().any(|e| e == id) || limit_of_named(id);
                     let usable: Vec<bool> = scores
                         .iter()
@@ -194,7 +194,7 @@ pub fn discover(
             // two effects can hide each other: where the best single one leaves the error far above
             // its floor, or none is accepted, pairs are tried without a winner
             let share = if go_on { ((plain - gain) / plain).max(0.0).sqrt() } else { 1.0 };
-            let remains = session.standing[usize::from(domain == Domain::Contact)]
+            let remains = session.model_error[usize::from(domain == Domain::Contact)]
                 .map(|s| HeldOutResult { held_out_error: s.held_out_error * share, ..s });
             let two = |a: &Scored<'_>, b: &Scored<'_>| {
                 vec![a.variant.effect.id().to_owned(), b.variant.effect.id().to_owned()]

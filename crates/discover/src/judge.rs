@@ -165,7 +165,7 @@ pub(crate) fn confusions(
 
 /// The floor of a comparison, for mean squares of rows.
 pub(crate) struct AtFloor {
-    pub standing: HeldOutResult,
+    pub model_error: HeldOutResult,
     /// Error of the comparison, N, over the root mean square of rows, for the same model.
     pub scale: f64,
 }
@@ -173,11 +173,11 @@ pub(crate) struct AtFloor {
 impl AtFloor {
     /// True if a mean square of rows is not above the floor.
     pub fn reached_by(&self, mean_square: f64) -> bool {
-        self.standing.reached_by(mean_square.sqrt() * self.scale)
+        self.model_error.reached_by(mean_square.sqrt() * self.scale)
     }
     /// Root of a mean square of rows in multiples of the floor.
     pub fn times(&self, mean_square: f64) -> f64 {
-        mean_square.sqrt() * self.scale / self.standing.noise_floor
+        mean_square.sqrt() * self.scale / self.model_error.noise_floor
     }
 }
 
@@ -204,8 +204,11 @@ pub(crate) fn judge(
         })
         .min_by(|a, b| a.error().total_cmp(&b.error()));
     let best = simpler.unwrap_or(first);
-    let mut duels: Vec<RivalTest> =
-        rivals.iter().filter(|r| r.index != best.index).map(|r| duel(session, problem, best, r, options)).collect();
+    let mut rival_tests: Vec<RivalTest> = rivals
+        .iter()
+        .filter(|r| r.index != best.index)
+        .map(|r| test_rival(session, problem, best, r, options))
+        .collect();
     let unknowns = |r: &Rival<'_>| r.scored.variant.unknowns();
     // On a person errors repeat in every trial (soft tissue, the prior), and the effect with more
     // freedom fits them better whichever is true. The simplest effect that leaves no more than a
@@ -218,13 +221,13 @@ pub(crate) fn judge(
         let simplest = believed()
             .filter(at_floor)
             .min_by(|a, b| unknowns(a).cmp(&unknowns(b)).then(a.error().total_cmp(&b.error())));
-        if let Some(duel) = simplest.and_then(|r| duels.iter_mut().find(|d| d.separated && d.effect == r.id())) {
-            duel.separated = false;
+        if let Some(test) = simplest.and_then(|r| rival_tests.iter_mut().find(|d| d.separated && d.effect == r.id())) {
+            test.separated = false;
             spared = simplest.map(|r| r.index);
         }
     }
     let mut class: Vec<&Rival<'_>> =
-        rivals.iter().filter(|r| !duels.iter().any(|d| d.separated && d.effect == r.id())).collect();
+        rivals.iter().filter(|r| !rival_tests.iter().any(|d| d.separated && d.effect == r.id())).collect();
     // an effect that contains another one counts only if it does better
     let ids: Vec<String> = class.iter().filter(|r| r.believed).map(|r| r.id().to_owned()).collect();
     class.retain(|r| !r.scored.variant.effect.about().contains.iter().any(|c| ids.iter().any(|i| i == c)));
@@ -257,10 +260,10 @@ pub(crate) fn judge(
         .map(|x| x.index)
         .collect();
     for rival in class.iter().filter(|r| limits.contains(&r.index)) {
-        match duels.iter_mut().find(|d| d.effect == rival.id()) {
-            Some(duel) => duel.only_as_limit = true,
+        match rival_tests.iter_mut().find(|d| d.effect == rival.id()) {
+            Some(test) => test.only_as_limit = true,
             // the best one, of which there is no test
-            None => duels.push(RivalTest {
+            None => rival_tests.push(RivalTest {
                 effect: rival.id().to_owned(),
                 error_ratio: 1.0,
                 p_value: 1.0,
@@ -273,11 +276,11 @@ pub(crate) fn judge(
     class.retain(|r| !limits.contains(&r.index));
     class.sort_by(|a, b| unknowns(a).cmp(&unknowns(b)).then(a.error().total_cmp(&b.error())));
     let names: Vec<String> = class.iter().map(|r| r.id().to_owned()).collect();
-    (if names.len() == 1 { Verdict::Supported } else { Verdict::OneOf }, names, duels)
+    (if names.len() == 1 { Verdict::Supported } else { Verdict::OneOf }, names, rival_tests)
 }
 
 /// Whether the recordings distinguish effect `a` from effect `b`, which has the larger error.
-fn duel(
+fn test_rival(
     session: &Session<'_>,
     problem: &Problem,
     a: &Rival<'_>,

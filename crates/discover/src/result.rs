@@ -235,8 +235,8 @@ pub struct Round {
     /// Reason, in words.
     pub words: String,
     /// The best effect against every other accepted one.
-    #[serde(default)]
-    pub duels: Vec<RivalTest>,
+    #[serde(default, alias = "duels")]
+    pub rival_tests: Vec<RivalTest>,
     /// All effects, best first.
     pub candidates: Vec<Candidate>,
 }

@@ -171,7 +171,7 @@ pub(crate) fn run_round<'a>(
         .collect();
     confusions(session, problem, &scores, &mut candidates, options);
     let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
-    let (mut verdict, mut effects, duels) =
+    let (mut verdict, mut effects, rival_tests) =
         judge(session, sharp.as_ref().unwrap_or(problem), &rivals, at_floor, options);
     // the effect that the answer describes, that joins the model in later rounds and that the user
     // is told to add is one and the same
@@ -203,7 +203,7 @@ pub(crate) fn run_round<'a>(
         let effect = scores.iter().find(|s| s.effect.id() == c.effect).map(|s| s.effect);
         effect.map_or(options.belief, limit_for)
     };
-    let limits: Vec<&str> = duels.iter().filter(|d| d.only_as_limit).map(|d| d.effect.as_str()).collect();
+    let limits: Vec<&str> = rival_tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.as_str()).collect();
     let words = wording::round(verdict, &effects, &limits, &candidates, threshold, limit_of, few);
     let round = Round {
         judged_on: wording::domain(problem.domain).to_owned(),
@@ -218,7 +218,7 @@ pub(crate) fn run_round<'a>(
         joined: Vec::new(),
         missing: 0,
         words,
-        duels,
+        rival_tests,
         candidates,
     };
     (round, scores, rivals)

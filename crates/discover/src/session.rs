@@ -99,7 +99,7 @@ pub struct Session<'a> {
     /// moment.
     pub(crate) noise: Option<[f64; 2]>,
     /// Results of a comparison, in flight and in contact.
-    pub(crate) standing: [Option<HeldOutResult>; 2],
+    pub(crate) model_error: [Option<HeldOutResult>; 2],
     pub(crate) warnings: Vec<String>,
     pub(crate) counter: Counter<'a>,
     pub(crate) by_stages: ByStages<'a>,
@@ -193,7 +193,7 @@ impl<'a> Session<'a> {
             mass_kg: body.mass_kg,
             unit: [force_n, force_n * moment_length_m(body, options)],
             noise: None,
-            standing: [None; 2],
+            model_error: [None; 2],
             counter: Counter::default(),
             by_stages: ByStages::default(),
             warnings,
@@ -239,8 +239,8 @@ impl<'a> Session<'a> {
     /// Sets the results of a comparison of the present model in flight and in contact, so that a
     /// discovery reports the same errors and the same floor. Ranking does not depend on it.
     #[must_use]
-    pub fn with_standing(mut self, flight: Option<HeldOutResult>, contact: Option<HeldOutResult>) -> Self {
-        self.standing = [flight, contact];
+    pub fn with_model_error(mut self, flight: Option<HeldOutResult>, contact: Option<HeldOutResult>) -> Self {
+        self.model_error = [flight, contact];
         self
     }
 

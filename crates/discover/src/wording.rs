@@ -130,8 +130,8 @@ fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
 
 /// The result where no effect convinces and the floor is known too roughly to say that nothing is
 /// missing.
-pub(crate) fn undecided(d: &Discovery, standing: &HeldOutResult) -> String {
-    let [low, high] = standing.noise_floor_ci95.unwrap_or([f64::NAN; 2]).map(|n| digits(n, 3));
+pub(crate) fn undecided(d: &Discovery, model_error: &HeldOutResult) -> String {
+    let [low, high] = model_error.noise_floor_ci95.unwrap_or([f64::NAN; 2]).map(|n| digits(n, 3));
     let best = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
         format!("; the best candidate, `{}`, leaves {:.1} % of the held-out error", c.key, 100.0 * c.held_out_ratio)
     });
@@ -143,15 +143,15 @@ pub(crate) fn undecided(d: &Discovery, standing: &HeldOutResult) -> String {
 /// The result in words; `far` is the domain in which the error is farthest above the noise floor,
 /// if any.
 pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> String {
-    if let (Verdict::Unexplained, Some((place, standing))) = (d.verdict, far) {
+    if let (Verdict::Unexplained, Some((place, model_error))) = (d.verdict, far) {
         let left: String = d.not_tried.iter().map(|n| format!("; {n}")).collect();
         let found_here = |id: &String| d.rounds.iter().any(|r| r.judged_on == place && r.effects.contains(id));
         let part: Vec<String> = d.found.iter().filter(|f| found_here(&f.effect)).map(|f| f.key.clone()).collect();
         let remains = format!(
             "{} N, {} times the noise floor of {} N",
-            digits(standing.held_out_error, 3),
-            digits(standing.times_floor(), 2),
-            digits(standing.noise_floor, 3)
+            digits(model_error.held_out_error, 3),
+            digits(model_error.times_floor(), 2),
+            digits(model_error.noise_floor, 3)
         );
         if !part.is_empty() {
             return format!(

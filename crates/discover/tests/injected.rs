@@ -92,7 +92,7 @@ fn errors_and_floor_are_those_of_the_comparison() {
     let run = |standing: Option<HeldOutResult>, size: f64| {
         lab().with(|scene, mut session| {
             session.inject(&EffectInstance::parse("quadratic_drag", scene).unwrap(), &[size]).unwrap();
-            discover(&session.with_standing(standing, None), &catalogue(), &[], &options).unwrap()
+            discover(&session.with_model_error(standing, None), &catalogue(), &[], &options).unwrap()
         })
     };
     for size in [0.0, 0.01] {
@@ -150,8 +150,9 @@ fn a_limit_of_a_richer_effect_is_named_by_the_simpler_one() {
     let point: &[(&str, f64)] = &[("point_x", -0.1), ("point_y", 0.02), ("point_z", 0.0)];
     let far = lab.find(&[("constant_force[link1]", &[0.024, -0.024, 0.02], point)], &options);
     assert_eq!(far.effects, ["constant_force"], "{}", far.words);
-    let limits: Vec<&str> = far.rounds[0].duels.iter().filter(|d| d.only_as_limit).map(|d| d.effect.as_str()).collect();
-    assert!(!limits.is_empty(), "{:?}", far.rounds[0].duels);
+    let limits: Vec<&str> =
+        far.rounds[0].rival_tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.as_str()).collect();
+    assert!(!limits.is_empty(), "{:?}", far.rounds[0].rival_tests);
     assert!(far.words.contains("far edge"), "{}", far.words);
     let pulley: &[(&str, f64)] = &[("pulley_x", 1.0), ("pulley_y", -0.6), ("pulley_z", 2.4)];
     let near = lab.find(&[("crane[link0]", &[0.2], pulley)], &options);

@@ -71,7 +71,7 @@ impl Lab {
             noise_floor: floor,
             noise_floor_ci95: Some([0.88 * floor, 1.12 * floor]),
         };
-        let session = session.with_standing(Some(standing), None);
+        let session = session.with_model_error(Some(standing), None);
         (discover(&session, &catalogue(), &[], &options()).unwrap(), size)
     }
 }

@@ -7,7 +7,7 @@
 //! with v the velocity of the centre of mass. The mean removes impacts and soft tissue, which do
 //! not change the momentum over such a window; what then differs by a fifth of body weight is
 //! contact that no plate measures. Frames that fail either test take no part in contact rows and in
-//! the comparison, and [`Coverage::words`] says how many and why.
+//! the comparison, and [`Coverage::sentence`] says how many and why.
 
 use crate::centre_of_mass::CentreOfMass;
 use crate::feet::Feet;
@@ -53,7 +53,7 @@ pub enum Unmeasured {
 
 impl Unmeasured {
     /// Reason in words.
-    pub fn words(self) -> &'static str {
+    pub fn describe(self) -> &'static str {
         match self {
             Self::NoLoad => "no plate loaded",
             Self::NoReading => "a plate without reading (at the limit of its range, or cut off)",
@@ -115,7 +115,7 @@ impl Coverage {
         Unmeasured::ALL.iter().filter(|r| **r != Unmeasured::NoLoad).map(|r| self.left_out_s(*r)).sum()
     }
     /// A sentence on loaded frames that are left out; none below 0.1 s.
-    pub fn words(&self) -> Option<String> {
+    pub fn sentence(&self) -> Option<String> {
         let lost = self.lost_s();
         if lost < WORTH_SAYING_S {
             return None;
@@ -127,7 +127,7 @@ impl Coverage {
             .map(|r| {
                 let first =
                     self.left_out.iter().find(|l| l.reason == *r).map_or(0.0, |l| l.start as f64 / self.rate_hz);
-                format!("{} {:.2} s, first at {first:.2} s", r.words(), self.left_out_s(*r))
+                format!("{} {:.2} s, first at {first:.2} s", r.describe(), self.left_out_s(*r))
             })
             .collect();
         Some(format!(

@@ -192,7 +192,7 @@ impl Acceleration {
         let is_flight = |s: &Range<usize>| {
             let shared = |r: &Range<usize>| s.end.min(r.end).saturating_sub(s.start.max(r.start)) as f64;
             let confirmed = search.between_loads.iter().any(|r| shared(r) >= CONFIRMED * r.len().max(s.len()) as f64);
-            let alone = (search.shortest_alone as f64 * haste(size)) as usize;
+            let alone = (search.shortest_alone as f64 * flight_shortening(size)) as usize;
             let (shortest, steady) = match confirmed {
                 true => (search.shortest, STEADY_ON_PLATES),
                 false if s.len() as f64 > LONG_S * self.rate_hz => (alone, STEADY_AND_LONG),
@@ -293,7 +293,7 @@ impl Acceleration {
 
 /// Factor on the length of flights where bodies appear to fall faster than on Earth (for example
 /// because the stated rate is too high).
-pub(crate) fn haste(free_mps2: f64) -> f64 {
+pub(crate) fn flight_shortening(free_mps2: f64) -> f64 {
     (STANDARD_MPS2 / free_mps2.max(STANDARD_MPS2)).sqrt().max(0.5)
 }
 

@@ -2,7 +2,7 @@
 
 use crate::centre_of_mass::CentreOfMass;
 use crate::explain::Clues;
-use crate::free_acceleration::{Acceleration, SLOW, Search, haste, inner, longest_frames};
+use crate::free_acceleration::{Acceleration, SLOW, Search, flight_shortening, inner, longest_frames};
 use crate::free_fall::FreeFall;
 use crate::parabola::Parabola;
 use crate::{
@@ -199,7 +199,8 @@ fn search_about(
     let Wanted { free, slowness, sharp } = wanted;
     let rate_hz = motion.rate_hz;
     let mut report = FlightReport { trial: motion.trial.clone(), rate_hz, ..FlightReport::default() };
-    let shortest = (shortest_frames(rate_hz, options) as f64 * haste(free.norm())).round().max(6.0) as usize;
+    let shortest =
+        (shortest_frames(rate_hz, options) as f64 * flight_shortening(free.norm())).round().max(6.0) as usize;
     let guard = |seconds: f64| (seconds / slowness * rate_hz - 1e-9).ceil().max(0.0) as usize;
     let (takeoff_guard, landing_guard) = (guard(options.takeoff_guard_s), guard(options.landing_guard_s));
     let longest = longest_frames(free.norm(), rate_hz, options);

@@ -142,7 +142,7 @@ fn a_foot_beside_the_plates_and_a_chair_are_left_out() {
         assert!(share(&found, 302..395) == 0.0, "{found:?}");
         assert!(found.left_out_s(Unmeasured::FootBeside) > 0.6, "{found:?}");
         assert!((0.95..1.4).contains(&found.left_out_s(Unmeasured::LoadMissing)), "{found:?}");
-        let words = found.words().unwrap();
+        let words = found.sentence().unwrap();
         assert!(words.contains("a foot beside the plates") && words.contains("a chair"), "{words}");
     }
 }
@@ -165,7 +165,7 @@ fn a_wrong_mass_is_not_missing_contact() {
     let found = coverage(&trial, &subject, &motion, &[], 20.0).unwrap();
     assert!(share(&found, 20..380) == 1.0, "{found:?}");
     assert!((found.load_ratio.unwrap() - 1.0 / 1.12).abs() < 0.01);
-    assert_eq!(found.words(), None);
+    assert_eq!(found.sentence(), None);
 }
 
 #[test]

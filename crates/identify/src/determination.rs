@@ -33,8 +33,8 @@ pub enum Origin {
 
 impl Origin {
     /// Origin of an estimate, from how well motion determines it and whether a table exists.
-    pub(crate) fn of(seen: Determination, has_table: bool) -> Self {
-        match (seen, has_table) {
+    pub(crate) fn of(determination: Determination, has_table: bool) -> Self {
+        match (determination, has_table) {
             (Determination::Well | Determination::Partly, _) => Self::Motion,
             (Determination::Hardly, true) => Self::Table,
             (Determination::Hardly, false) => Self::NotDetermined,

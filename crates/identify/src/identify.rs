@@ -196,7 +196,8 @@ pub fn identify_with_slides(
         Some(prior) => fit.links(model, base, &merged, mass_kg, prior, options)?,
         None => Vec::new(),
     };
-    let named: Vec<(String, Determination)> = base_estimates.iter().map(|b| (b.name.clone(), b.seen)).collect();
+    let named: Vec<(String, Determination)> =
+        base_estimates.iter().map(|b| (b.name.clone(), b.determination)).collect();
     let hints = advice::in_words(model, &named, options.turning_over);
     let information = match base_prior.as_ref() {
         Some(prior) => Some(fit.information(&clusters, mass_kg, prior, &named)?),
@@ -428,7 +429,7 @@ impl Fit {
                     _ => mass_kg * length * length,
                 };
                 let prior_sd = prior.map(|p| p.covariance[(i, i)].max(0.0).sqrt());
-                let seen = if i == 0 { Determination::Well } else { determination(se, prior_sd, scale) };
+                let determination = if i == 0 { Determination::Well } else { determination(se, prior_sd, scale) };
                 BaseEstimate {
                     name: parameter.name.clone(),
                     value: self.x[i],
@@ -439,8 +440,8 @@ impl Fit {
                     formula: parameter.formula.clone(),
                     prior: prior.map(|p| p.mean[i]),
                     prior_sd,
-                    seen,
-                    from: if i == 0 { Origin::Scale } else { Origin::of(seen, self.prior_weight > 0.0) },
+                    determination,
+                    from: if i == 0 { Origin::Scale } else { Origin::of(determination, self.prior_weight > 0.0) },
                 }
             })
             .collect()
@@ -456,9 +457,9 @@ impl Fit {
     ) -> Result<Information, IdentifyError> {
         let row_variance = self.row_sd * self.row_sd;
         let weight = self.prior_weight * row_variance;
-        let standing: Vec<Determination> = named.iter().skip(1).map(|n| n.1).collect();
+        let determined: Vec<Determination> = named.iter().skip(1).map(|n| n.1).collect();
         Ok(Information {
-            parameters: information::of_parameters(&standing),
+            parameters: information::of_parameters(&determined),
             wrench: information::of_wrench(clusters, mass_kg, prior, weight, row_variance)?,
         })
     }
@@ -583,7 +584,7 @@ fn link_estimate(
         sd,
         ci95,
         prior: *prior,
-        seen: mass.min(com).min(inertia),
+        determination: mass.min(com).min(inertia),
         from,
         words,
     }

@@ -42,9 +42,9 @@ pub struct Information {
 }
 
 /// Share of parameters that motion determines; the mass is not among them.
-pub(crate) fn of_parameters(standing: &[Determination]) -> f64 {
-    let seen = standing.iter().filter(|s| **s != Determination::Hardly).count();
-    seen as f64 / standing.len().max(1) as f64
+pub(crate) fn of_parameters(determined: &[Determination]) -> f64 {
+    let measured = determined.iter().filter(|s| **s != Determination::Hardly).count();
+    measured as f64 / determined.len().max(1) as f64
 }
 
 /// Share of the wrench's variance that motion removed; none with fewer than two clusters. `weight`

@@ -65,7 +65,8 @@ pub struct BaseEstimate {
     /// Standard deviation of the prior.
     pub prior_sd: Option<f64>,
     /// How well the motion determines it.
-    pub seen: Determination,
+    #[serde(rename = "seen")]
+    pub determination: Determination,
     /// Origin of the value.
     #[serde(default)]
     pub from: Origin,
@@ -73,8 +74,8 @@ pub struct BaseEstimate {
 
 impl BaseEstimate {
     /// How well motion determines the value, or its origin if motion does not.
-    pub fn standing(&self) -> &'static str {
-        match (self.from, self.seen) {
+    pub fn determined_by(&self) -> &'static str {
+        match (self.from, self.determination) {
             (Origin::Motion, Determination::Well) => "well",
             (Origin::Motion, _) => "partly",
             (other, _) => other.describe(),
@@ -171,7 +172,8 @@ pub struct LinkEstimate {
     /// Prior of the link.
     pub prior: LinkInertia,
     /// How well motion determines the link.
-    pub seen: Determination,
+    #[serde(rename = "seen")]
+    pub determination: Determination,
     /// Origins of its values.
     #[serde(default)]
     pub from: LinkOrigin,

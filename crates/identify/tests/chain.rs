@@ -203,7 +203,7 @@ fn bootstrap_and_standard_errors_agree() {
             estimate.name,
             estimate.se
         );
-        assert_eq!(estimate.seen, Determination::Well);
+        assert_eq!(estimate.determination, Determination::Well);
     }
     let again = identify(&truth.model, &truth.base, &factors, truth.mass(), None, &options).unwrap();
     assert_eq!(found, again);

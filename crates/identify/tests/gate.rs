@@ -122,12 +122,12 @@ fn what_motion_did_not_determine_is_from_the_table() {
     for b in p.base.iter().skip(1) {
         let share = b.se / b.prior_sd.unwrap();
         assert_eq!(b.from == Origin::Table, share >= 0.7, "{}: {share}", b.name);
-        assert_eq!(b.standing() == "from tables", b.seen == Determination::Hardly, "{}", b.name);
+        assert_eq!(b.determined_by() == "from tables", b.determination == Determination::Hardly, "{}", b.name);
     }
     assert!(p.links.iter().any(|l| l.from.describe() == "from tables"));
     for l in &p.links {
         // `seen` is that of the best-determined value
-        assert_eq!(l.from.describe() == "from tables", l.seen == Determination::Hardly, "{}", l.name);
+        assert_eq!(l.from.describe() == "from tables", l.determination == Determination::Hardly, "{}", l.name);
         assert_eq!(l.words.contains("from tables"), !l.from.from_table().is_empty(), "{}", l.words);
     }
     let json = serde_json::to_value(&p).unwrap();

@@ -227,7 +227,8 @@ fn advice_names_a_motion_that_helps() {
     assert!(advice.windows(2).all(|w| w[0].gain >= w[1].gain));
     // the recommended motion moves a link that is hardly observed
     let worst = &advice[0].link;
-    let seen = found.parameters.base.iter().filter(|b| b.name.starts_with(worst.as_str())).map(|b| b.seen).max();
+    let seen =
+        found.parameters.base.iter().filter(|b| b.name.starts_with(worst.as_str())).map(|b| b.determination).max();
     assert!(seen == Some(Determination::Hardly) || seen == Some(Determination::Partly), "{worst} {seen:?}");
     let bad =
         excitation_advice(&truth.model, &truth.base, &factors, truth.mass(), &prior, &[0.0], 1.0, &weak, &options);

@@ -12,7 +12,7 @@ use aloft_workspace::workspace::Workspace;
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 
 /// Whether a stage runs once per trial or once per study.
@@ -53,6 +53,44 @@ impl Need {
             | Self::EveryOrStaticFrames(name, _) => Some(name),
         }
     }
+    /// Results that are read for a task of `trial`: the stage and the trial of each, `None` for the
+    /// whole study. Empty for recordings.
+    pub fn results<'s>(
+        &self,
+        trial: Option<&'s TrialEntry>,
+        session: &'s SubjectSession,
+    ) -> Vec<(&'static str, Option<&'s TrialEntry>)> {
+        let statics = session.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
+        match *self {
+            Self::Recording => Vec::new(),
+            Self::Same(name) => trial.map(|t| (name, Some(t))).into_iter().collect(),
+            Self::Once(name) => vec![(name, None)],
+            Self::Every(name, roles) | Self::Merged(name, roles) => {
+                session.included().filter(|t| roles.contains(&t.role)).map(|t| (name, Some(t))).collect()
+            }
+            Self::EveryOrStaticFrames(name, roles) => session
+                .included()
+                .filter(|t| roles.contains(&t.role) || statics == Some(t.name.as_str()))
+                .map(|t| (name, Some(t)))
+                .collect(),
+        }
+    }
+}
+
+/// Hash of the stored results of a list, each by stage and trial (`None`: the whole study); a
+/// result that does not exist counts as empty.
+pub fn results_hash<'s>(
+    workspace: &Workspace,
+    results: impl IntoIterator<Item = (&'static str, Option<&'s TrialEntry>)>,
+) -> blake3::Hash {
+    let named: BTreeSet<(&str, &str)> =
+        results.into_iter().map(|(stage, t)| (stage, t.map_or(WHOLE_STUDY, |t| t.name.as_str()))).collect();
+    let mut hasher = blake3::Hasher::new();
+    for (stage, trial) in named {
+        let output = workspace.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
+        hasher.update(format!("{stage}/{trial} {output}\n").as_bytes());
+    }
+    hasher.finalize()
 }
 
 /// What a stage returns besides its files.
@@ -420,25 +458,16 @@ pub fn inputs(
                     }
                 }
             }
-            Need::Same(name) => {
-                if let Some(t) = trial {
-                    upstream(&mut out, name, &t.name, true);
+            Need::Same(_) | Need::Once(_) => {
+                for (name, of) in need.results(trial, session) {
+                    upstream(&mut out, name, of.map_or(WHOLE_STUDY, |t| &t.name), true);
                 }
             }
-            Need::Once(name) => {
-                upstream(&mut out, name, WHOLE_STUDY, true);
-            }
-            Need::Every(name, roles) | Need::Merged(name, roles) => {
-                for t in session.included().filter(|t| roles.contains(&t.role)) {
-                    if upstream(&mut out, name, &t.name, false) {
-                        out.hashes.insert(format!("{ROLE}{}", t.name), t.role.word().to_owned());
-                    }
-                }
-            }
-            Need::EveryOrStaticFrames(name, roles) => {
-                let named = session.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
-                for t in session.included().filter(|t| roles.contains(&t.role) || named == Some(t.name.as_str())) {
-                    if upstream(&mut out, name, &t.name, false) {
+            Need::Every(..) | Need::Merged(..) | Need::EveryOrStaticFrames(..) => {
+                for (name, of) in need.results(trial, session) {
+                    if let Some(t) = of
+                        && upstream(&mut out, name, &t.name, false)
+                    {
                         out.hashes.insert(format!("{ROLE}{}", t.name), t.role.word().to_owned());
                     }
                 }

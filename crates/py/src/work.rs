@@ -145,11 +145,11 @@ pub fn work<T: Send + 'static>(
         (Some(e), _) => Err(e),
         (None, Ok(Ok(answer))) => Ok(answer),
         (None, Ok(Err(e))) => Err(raise(py, &e)),
-        (None, Err(panic)) => Err(defect(py, &words(panic.as_ref()))),
+        (None, Err(panic)) => Err(defect(py, &panic_message(panic.as_ref()))),
     }
 }
 
-fn words(panic: &(dyn Any + Send)) -> String {
+fn panic_message(panic: &(dyn Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message").to_owned()
 }

@@ -6,7 +6,7 @@ use super::candidates;
 use super::commands::command;
 use super::joints;
 use super::ladder;
-use super::standing::{asked, effects};
+use super::place_errors::{asked, effects};
 use super::story::Story;
 use super::wording::{card, number};
 use aloft_discover::{Discovery, Verdict};

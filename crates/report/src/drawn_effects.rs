@@ -1,7 +1,7 @@
 //! Effects as things to draw: forces where they act, lines to fixed points of the room, masses at
 //! their points. Only the declarations of effects are used; none is referred to by name.
 
-use super::standing::asked;
+use super::place_errors::asked;
 use super::story::Story;
 use aloft_body::{Motion, Subject};
 use aloft_effects::{Columns, EffectInstance, EffectKind, ParameterKind, Scene, Series, Span, TrialMotion};

@@ -3,7 +3,7 @@
 use super::series::COMPONENTS;
 use super::story::{Story, TrialStory};
 use super::wording::count;
-use aloft_analysis::words::model_word;
+use aloft_analysis::wording::model_word;
 use aloft_body::State;
 use aloft_page::{Band, Block, Figure, Panel, Section, Words};
 use std::collections::BTreeMap;

@@ -1,7 +1,7 @@
 //! The page of a study of several subjects: one row per subject with lights, distributions over the
 //! group, and links to the subjects' pages.
 
-use super::standing::{self, PlaceError, standings};
+use super::place_errors::{self, PlaceError, errors_by_place};
 use super::story::Story;
 use super::wording::{anchor, card, count, maybe, number, with_half};
 use super::{STUDY, group_headline, lights};
@@ -49,7 +49,7 @@ pub(super) struct Row {
     pub(super) light: Light,
     /// Where the model is worse, in flight or in contact: its error over the floor, and in words.
     pub(super) times_floor: Option<f64>,
-    pub(super) standing: String,
+    pub(super) worst_error: String,
     /// Judgement of this error alone, and its word.
     pub(super) judged: (Light, &'static str),
     /// Switches of its page.
@@ -124,7 +124,7 @@ fn row(m: &Member<'_>) -> Row {
         link: m.link.clone(),
         light: Light::Poor,
         times_floor: None,
-        standing: String::new(),
+        worst_error: String::new(),
         judged: (Light::Neutral, ""),
         switches: m.switches.clone(),
         at_floor: false,
@@ -157,17 +157,17 @@ fn row(m: &Member<'_>) -> Row {
         }
     };
     (out.recorded, out.remarks) = lights::recordings(&story);
-    out.light = standing::light(&story);
+    out.light = place_errors::light(&story);
     out.lost = story.trials.iter().filter(|t| !t.failures.is_empty()).count();
     // the worse of flight and contact, as the table of `run` has it
-    let errors = standings(&story);
+    let errors = errors_by_place(&story);
     let worse = |a: &&PlaceError, b: &&PlaceError| {
         a.light().cmp(&b.light()).then(a.ratio.unwrap_or(0.0).total_cmp(&b.ratio.unwrap_or(0.0)))
     };
     if let Some(worst) = errors.iter().max_by(worse) {
         out.times_floor = worst.ratio;
         out.at_floor = errors.iter().all(|s| s.at_floor);
-        out.standing = format!("{} in {}", worst.times_floor(), worst.place);
+        out.worst_error = format!("{} in {}", worst.times_floor(), worst.place);
         out.judged = (worst.light(), worst.judged);
     }
     if !story.freshness.is_current() {
@@ -197,12 +197,12 @@ fn row(m: &Member<'_>) -> Row {
     } else {
         out.light = Light::Poor;
     }
-    out.verdict = standing::asked(&story).map(|d| match d.verdict {
+    out.verdict = place_errors::asked(&story).map(|d| match d.verdict {
         Verdict::OneOf => (d.verdict, aloft_analysis::verdict::groups(d)),
         _ => (d.verdict, d.effects.join(", ")),
     });
     out.lines = super::pair::lines(&story);
-    out.held = standing::effects(&story).join(", ");
+    out.held = place_errors::effects(&story).join(", ");
     for t in story.dynamic() {
         let Some(motion) = &t.motion else { continue };
         let n = motion.marker_labels.len();
@@ -327,10 +327,10 @@ fn switches(rows: &[Row]) -> String {
 /// The model's error with the judgement that the commands print of it.
 fn model(r: &Row) -> Cell {
     if r.judged.1.is_empty() {
-        return Cell::light(r.light, r.standing.clone());
+        return Cell::light(r.light, r.worst_error.clone());
     }
     let gate = if r.trusted == Some(false) { "; too few flights to determine the body" } else { "" };
-    Cell::judged(r.judged.0, r.judged.1, format!("{}{gate}", r.standing))
+    Cell::judged(r.judged.0, r.judged.1, format!("{}{gate}", r.worst_error))
 }
 
 fn subjects(rows: &[Row]) -> Table {

@@ -36,7 +36,7 @@ pub(super) fn headline(rows: &[Row], light: Light, next: &str) -> Headline {
     facts.extend(
         worst
             .filter(|w| !w.at_floor)
-            .map(|w| Fact::new("Where", format!("Most for {}: {}, {}.", w.name, w.standing, w.judged.1))),
+            .map(|w| Fact::new("Where", format!("Most for {}: {}, {}.", w.name, w.worst_error, w.judged.1))),
     );
     let mut named: BTreeMap<String, usize> = BTreeMap::new();
     for (verdict, effects) in rows.iter().filter_map(|r| r.verdict.as_ref()) {

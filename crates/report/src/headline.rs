@@ -1,8 +1,8 @@
 //! The first screen: how wrong the model is, where, what is missing, how sure, what to do next.
 
 use super::commands::command;
+use super::place_errors::{self, PlaceError, asked, effects, errors_by_place};
 use super::session;
-use super::standing::{self, PlaceError, asked, effects, standings};
 use super::story::Story;
 use super::sureness::{how_sure, laws, missing, named};
 use super::wording::{count, number};
@@ -18,7 +18,7 @@ pub fn headline(story: &Story<'_>) -> Headline {
     if let Some(view) = story.comparison.as_ref().filter(|v| !v.limits.is_empty()) {
         return unjudged(story, view);
     }
-    let all = standings(story);
+    let all = errors_by_place(story);
     let sentence = sentence(story, all.first(), all.get(1));
     let mut facts: Vec<Fact> = Vec::new();
     if let Some(first) = all.first() {
@@ -29,7 +29,7 @@ pub fn headline(story: &Story<'_>) -> Headline {
     facts.push(Fact::new("How sure", how_sure(story, all.first())));
     facts.extend(session::brief(story).map(|text| Fact::new("Recordings", text)));
     facts.push(next(story));
-    Headline { light: standing::light(story), sentence, facts }
+    Headline { light: place_errors::light(story), sentence, facts }
 }
 
 /// The first screen of a model that is not the whole body: nothing in it is a judgement.
@@ -64,7 +64,7 @@ fn unjudged(story: &Story<'_>, view: &ComparisonView) -> Headline {
     } else {
         Fact::new("Next", "Record markers on the whole body, and jumps, where masses are to be identified.")
     });
-    Headline { light: standing::light(story), sentence, facts }
+    Headline { light: place_errors::light(story), sentence, facts }
 }
 
 fn held(story: &Story<'_>) -> String {

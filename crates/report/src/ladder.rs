@@ -3,7 +3,7 @@
 use super::drawn_effects::units;
 use super::headline::floor_words;
 use super::lights::times;
-use super::standing::{PlaceError, asked, standings};
+use super::place_errors::{PlaceError, asked, errors_by_place};
 use super::story::Story;
 use super::sureness::after_all;
 use super::wording::{maybe, number, plus_minus, unit};
@@ -19,7 +19,7 @@ const COEFFICIENTS: usize = 2;
 /// The ladder as a picture on the first screen: the revisions of the model, and what `discover`
 /// promises for the effects that it found; none where nothing was compared.
 pub fn picture(story: &Story<'_>) -> Option<Ladder> {
-    let all = standings(story);
+    let all = errors_by_place(story);
     let first = all.first()?;
     let units = units(story);
     let mut rungs: Vec<Rung> = Vec::new();
@@ -34,7 +34,7 @@ pub fn picture(story: &Story<'_>) -> Option<Ladder> {
             name: name(r, i.checked_sub(1).map(|k| &rows[k])),
             size: size(r, i.checked_sub(1).map(|k| &rows[k]), &units),
             error: judged.as_ref().map_or(f64::NAN, |j| j.error_n),
-            words: judged.as_ref().map_or_else(|| "not run".to_owned(), |j| words(j.error_n, j.ratio)),
+            words: judged.as_ref().map_or_else(|| "not run".to_owned(), |j| error_text(j.error_n, j.ratio)),
             judged: match (&r.void, &judged) {
                 (Some(_), _) => "void".to_owned(),
                 (None, Some(j)) if j.ratio.is_some() => j.judged.to_owned(),
@@ -55,7 +55,7 @@ pub fn picture(story: &Story<'_>) -> Option<Ladder> {
     })
 }
 
-fn words(error: f64, ratio: Option<f64>) -> String {
+fn error_text(error: f64, ratio: Option<f64>) -> String {
     if !error.is_finite() {
         return "not run".to_owned();
     }
@@ -106,7 +106,7 @@ fn promised(story: &Story<'_>, first: &PlaceError) -> Option<Rung> {
         name: format!("+ `{}`?", keys.join("` + `")),
         size: sizes.join(", "),
         error,
-        words: format!("{}{}, forecast", words(error, ratio), if at_floor { ", at the floor" } else { "" }),
+        words: format!("{}{}, forecast", error_text(error, ratio), if at_floor { ", at the floor" } else { "" }),
         judged: String::new(),
         light: Light::Neutral,
         forecast: true,
@@ -124,7 +124,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         rungs.iter().map(|r| get(r).unwrap_or(f64::NAN)).collect::<Vec<f64>>()
     };
     let judged_on = rungs.iter().rev().find_map(|r| r.judged_on);
-    let judged = judged_on.map_or("held-out motion", JudgedOn::words);
+    let judged = judged_on.map_or("held-out motion", JudgedOn::describe);
     let ticks: Vec<String> = rungs
         .iter()
         .map(|r| if r.revision == 0 { "0: plain".to_owned() } else { format!("{}: {}", r.revision, r.action) })

@@ -1,8 +1,8 @@
 //! What was identified, how well it predicts, and which recordings were used.
 
 use super::headline::headline;
+use super::place_errors::{self, errors_by_place};
 use super::prediction::model_table;
-use super::standing::{self, standings};
 use super::story::{Story, TrialStory};
 use super::wording::{card, maybe, number};
 use super::{STUDY, ladder, lights, player, residuals, series, session};
@@ -22,7 +22,7 @@ fn notes(story: &Story<'_>) -> Option<Section> {
 pub fn chapter(story: &Story<'_>) -> Chapter {
     let mut left: Vec<Block> = vec![headline(story).into()];
     left.extend(ladder::picture(story).map(Block::from));
-    let place = standings(story).first().map(|s| s.place.clone());
+    let place = errors_by_place(story).first().map(|s| s.place.clone());
     let view = story.comparison.as_ref();
     left.extend(view.zip(place).and_then(|(v, place)| residuals::remains(&v.comparison, &place)).map(Block::from));
     let example = example(story);
@@ -58,14 +58,14 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
          does, with the masses of the tables, checks cameras, markers and flight edges together.",
         vec![recordings(story).into()],
     ));
-    let light = standing::light(story);
+    let light = place_errors::light(story);
     Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
 }
 
 /// The recording shown on the first screen: the one on which the model errs most where it is
 /// judged, of those that can be played.
 fn example<'s, 'a>(story: &'s Story<'a>) -> Option<&'s TrialStory<'a>> {
-    let place = standings(story).first().map_or_else(|| "flight".to_owned(), |s| s.place.clone());
+    let place = errors_by_place(story).first().map_or_else(|| "flight".to_owned(), |s| s.place.clone());
     let error = |t: &TrialStory<'_>| {
         let own = story.comparison.as_ref()?.comparison.first.trials.iter().find(|c| c.trial == t.entry.name)?;
         let (errors, held) = if place == "flight" {

@@ -1,7 +1,7 @@
 //! Two subjects side by side: errors, ladder, parameters.
 
 use super::ladder;
-use super::standing::standings;
+use super::place_errors::errors_by_place;
 use super::story::Story;
 use super::wording::{count, maybe, number};
 use aloft_page::{Block, Cell, Section, Table};
@@ -21,7 +21,7 @@ fn spoken(words: &str, judged: &str) -> String {
 pub(super) fn lines(story: &Story<'_>) -> Lines {
     let mut out = Vec::new();
     let mut add = |name: &str, value: String| out.push((name.to_owned(), value));
-    let all = standings(story);
+    let all = errors_by_place(story);
     for place in ["flight", "contact"] {
         let of = all.iter().find(|s| s.place == place);
         let words = of.map_or("–".to_owned(), |s| format!("{} N · {}", number(s.error_n), s.ratio_words()));

@@ -30,7 +30,7 @@ pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
 
 /// How far the numbers can be trusted.
 fn trust(p: &Parameters) -> Section {
-    let of = |word: &str| p.base.iter().filter(|b| b.standing() == word).count();
+    let of = |word: &str| p.base.iter().filter(|b| b.determined_by() == word).count();
     let table = p.base.iter().filter(|b| b.from == Origin::Table).count();
     let nothing = p.base.iter().filter(|b| b.from == Origin::NotDetermined).count();
     let rest = match (table, nothing) {
@@ -124,7 +124,7 @@ fn base(p: &Parameters) -> Section {
                 maybe(half_of(b.ci95)),
                 b.prior.map_or("–".into(), number),
                 b.unit.clone(),
-                b.standing().to_owned(),
+                b.determined_by().to_owned(),
                 b.formula.clone(),
             ]
         })

@@ -2,7 +2,7 @@
 //! predicted force at one point, effects of the model, and the body without them.
 
 use super::drawn_effects::{self, Drawn};
-use super::standing::standings;
+use super::place_errors::errors_by_place;
 use super::story::{Story, TrialStory};
 use aloft_body::{LinkInertia, Motion, State, Subject};
 use aloft_flight::{Flight, PlateTare, apply_tare};
@@ -230,7 +230,7 @@ fn ellipsoid(inertia: &LinkInertia, reach: f64) -> (UnitQuaternion<f64>, Vector3
 /// Link and the error that a change of its parameters could carry, in multiples of the noise floor;
 /// empty if the floor is not known.
 fn heat(story: &Story<'_>) -> Vec<(String, f64)> {
-    let all = standings(story);
+    let all = errors_by_place(story);
     let (Some(first), Some(view)) = (all.first(), &story.comparison) else { return Vec::new() };
     let (Some(ratio), c) = (first.ratio, &view.comparison.first) else { return Vec::new() };
     // at the floor nothing is left that a segment could carry
@@ -254,7 +254,7 @@ fn first(
     predicted: &[Vec<[[f64; 3]; 2]>],
     drawn: &Drawn,
 ) -> usize {
-    let in_flight = standings(story).first().is_none_or(|s| s.place == "flight");
+    let in_flight = errors_by_place(story).first().is_none_or(|s| s.place == "flight");
     let size = |a: &[[f64; 3]; 2]| Some(Vector3::from(a[1]).norm()).filter(|v| v.is_finite()).unwrap_or(0.0);
     let pressed = |i: &usize| measured[*i].first().map_or(0.0, size);
     let most = |of: &dyn Fn(&usize) -> f64, among: &dyn Fn(&usize) -> bool| {

@@ -4,7 +4,7 @@ use super::story::Story;
 use super::wording::{number, three};
 use super::{STUDY, residuals, series};
 use aloft_analysis::compare::{ComparisonView, errors_of, judged_on, mean};
-use aloft_analysis::words::model_word;
+use aloft_analysis::wording::model_word;
 use aloft_page::{Block, Cell, Chapter, Section, Table};
 
 /// The chapter; none if nothing was compared.

@@ -1,8 +1,8 @@
 //! Curves of one recording, thinned to a resolution suitable for the screen.
 
-use super::standing::standings;
+use super::place_errors::errors_by_place;
 use super::story::{Story, TrialStory};
-use aloft_analysis::words::model_word;
+use aloft_analysis::wording::model_word;
 use aloft_body::State;
 use aloft_page::{Chart, Figure, Focus, Panel, Series, Shade, Words};
 use nalgebra::Vector3;
@@ -118,7 +118,7 @@ pub fn wrench(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
     };
     let caption = &format!("{caption}{taken}");
     let title = format!("{}: measured and predicted wrench", t.entry.name);
-    let judged_in_flight = standings(story).first().is_none_or(|s| s.place == "flight");
+    let judged_in_flight = errors_by_place(story).first().is_none_or(|s| s.place == "flight");
     let shades = shades(time, in_flight);
     let chart = Chart {
         x: "time, s",

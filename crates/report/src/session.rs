@@ -1,10 +1,10 @@
 //! Consistency of the recordings, before any model is judged: the session check.
 
 use super::headline::sentence_of;
-use super::standing::{asked, effects};
+use super::place_errors::{asked, effects};
 use super::story::Story;
 use aloft_analysis::corrections::{offers, to_yaml};
-use aloft_analysis::session_check::{LineStanding, SessionLine, session_check};
+use aloft_analysis::session_check::{LineStatus, SessionLine, session_check};
 use aloft_page::{Block, Cell, Light, Section, Table};
 
 /// The section of the first chapter; none before a run.
@@ -17,17 +17,17 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         .lines
         .iter()
         .map(|line| {
-            let light = match line.standing {
-                LineStanding::Agrees => Light::Good,
-                LineStanding::Differs => Light::Fair,
-                LineStanding::Reading => Light::Neutral,
+            let light = match line.status {
+                LineStatus::Agrees => Light::Good,
+                LineStatus::Differs => Light::Fair,
+                LineStatus::Reading => Light::Neutral,
             };
             vec![
                 Cell::from(line.what.clone()).with_note(line.words.clone()),
                 line.value_words().into(),
                 line.interval_words().into(),
                 line.expected.map_or("–".to_owned(), |e| line.number(e)).into(),
-                Cell::sign(light, line.standing.word()),
+                Cell::sign(light, line.status.word()),
             ]
         })
         .collect();
@@ -57,7 +57,7 @@ pub fn brief(story: &Story<'_>) -> Option<String> {
     let differs: Vec<String> = checked
         .lines
         .iter()
-        .filter(|l| l.standing == LineStanding::Differs)
+        .filter(|l| l.status == LineStatus::Differs)
         .map(|l| {
             let interval = l.ci95.map_or(String::new(), |_| format!(" ({})", l.interval_words()));
             let expected =
@@ -71,9 +71,8 @@ pub fn brief(story: &Story<'_>) -> Option<String> {
     };
     let text = differs.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join("; ");
     // a pull on the body shows in what assumes free fall
-    let falls = |l: &&SessionLine| {
-        l.standing == LineStanding::Differs && ["impulse_mass", "free_fall", "vertical"].contains(&l.id)
-    };
+    let falls =
+        |l: &&SessionLine| l.status == LineStatus::Differs && ["impulse_mass", "free_fall", "vertical"].contains(&l.id);
     let pulled = checked.lines.iter().any(|l| falls(&l))
         && (!effects(story).is_empty() || asked(story).is_some_and(|d| !d.found.is_empty()));
     let why =

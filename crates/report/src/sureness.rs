@@ -2,7 +2,7 @@
 
 use super::headline::sentence_of;
 use super::lights::times;
-use super::standing::{PlaceError, asked, effects};
+use super::place_errors::{PlaceError, asked, effects};
 use super::story::Story;
 use super::wording::{count, number, plus_minus, unit};
 use aloft_analysis::verdict;

@@ -2,7 +2,7 @@
 //! that is sent computes the model with any choice of them.
 
 use crate::commands::command;
-use crate::standing::judged_place;
+use crate::place_errors::judged_place;
 use crate::story::Story;
 use aloft_analysis::discover::latest;
 use aloft_analysis::effect::{Asked, history};
@@ -68,7 +68,7 @@ fn asked(session: &SubjectSession) -> Result<Value, PipelineError> {
     });
     // sizes and intervals stand beside the switches
     let words = match d.verdict {
-        Verdict::Supported | Verdict::OneOf => format!("{}.", aloft_analysis::verdict::words(d)),
+        Verdict::Supported | Verdict::OneOf => format!("{}.", aloft_analysis::verdict::sentence(d)),
         _ => d.words.clone(),
     };
     // what removes a part of the error and is not shown to be the cause is not found

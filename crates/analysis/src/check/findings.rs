@@ -57,7 +57,7 @@ fn few(names: &[String]) -> String {
 
 impl Finding {
     /// The finding and its recordings, of `all` there are.
-    pub fn words(&self, all: usize) -> String {
+    pub fn sentence(&self, all: usize) -> String {
         let whose = match self.trials.as_slice() {
             [one] => one.clone(),
             many if many.len() == all => format!("all {all} trials"),
@@ -212,7 +212,7 @@ mod tests {
         let other = [told("plate 2: ZERO 3 to 12 is not used"), told("vertical by gravity")];
         let broken = [Remark::Broken { problem: "lab/x.c3d: the file is empty".into(), path: "lab/x.c3d".into() }];
         let rows = [("walk", &walk[..]), ("jump", &jump), ("hop", &other), ("x", &broken)];
-        let found: Vec<String> = findings(rows.into_iter()).iter().map(|f| f.words(4)).collect();
+        let found: Vec<String> = findings(rows.into_iter()).iter().map(|f| f.sentence(4)).collect();
         assert_eq!(
             found,
             [
@@ -228,9 +228,12 @@ mod tests {
     fn a_single_remark_is_told_as_it_is_and_nothing_is_lost() {
         let one = [gap("LASI", 9)];
         let found = findings([("jump", &one[..])].into_iter());
-        assert_eq!(found[0].words(3), "marker `LASI` is missing in frames 10 to 50 (jump)");
+        assert_eq!(found[0].sentence(3), "marker `LASI` is missing in frames 10 to 50 (jump)");
         assert_eq!(template("1.25 s, 0.5 s"), template("10 s, 33.7 s"));
         let rows = [("a", &one[..]), ("b", &one), ("c", &one)];
-        assert_eq!(findings(rows.into_iter())[0].words(3), "3 gaps too long to fill in 1 marker: LASI (all 3 trials)");
+        assert_eq!(
+            findings(rows.into_iter())[0].sentence(3),
+            "3 gaps too long to fill in 1 marker: LASI (all 3 trials)"
+        );
     }
 }

@@ -50,7 +50,7 @@ impl Labels {
 
     /// Place of a label: that of the built-in sets if they agree, else what its words say.
     pub fn place(&self, label: &str) -> Option<Place> {
-        let by_words = words(label);
+        let by_words = place_by_name(label);
         let Some(places) = self.of.get(&bare(label)) else { return by_words };
         let best = places.iter().max_by_key(|(place, sets)| {
             let agrees = by_words.as_ref().is_some_and(|w| w.link == place.0);
@@ -115,7 +115,7 @@ const CENTRAL: &[(&[&str], &str, Option<&str>)] = &[
     (&["head", "glab", "fhd", "bhd"], "head", None),
 ];
 
-fn words(label: &str) -> Option<Place> {
+fn place_by_name(label: &str) -> Option<Place> {
     let text = bare(label);
     let found = |list: &'static [(&[&str], &'static str, Option<&'static str>)], rest: &str| {
         // two letters decide only as the whole label
@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn words_of_labels() {
-        let at = |label: &str| words(label).map(|p| (p.link, p.landmark.unwrap_or_default()));
+        let at = |label: &str| place_by_name(label).map(|p| (p.link, p.landmark.unwrap_or_default()));
         let is = |link: &str, landmark: &str| Some((link.to_owned(), landmark.to_owned()));
         assert_eq!(at("R_knee_lat"), is("thigh_r", "knee_lateral_r"));
         assert_eq!(at("Left Medial Malleolus (LMMAL)"), is("shank_l", "ankle_medial_l"));

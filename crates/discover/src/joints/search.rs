@@ -196,7 +196,7 @@ fn top(at: &[f64], gain: &[f64]) -> f64 {
     if bend < 0.0 { at[best] + (0.5 * (a - c) / bend).clamp(-1.0, 1.0) * step } else { at[best] }
 }
 
-fn standing(floor: Option<(f64, [f64; 2])>, error: f64) -> Option<HeldOutResult> {
+fn measured(floor: Option<(f64, [f64; 2])>, error: f64) -> Option<HeldOutResult> {
     floor.map(|(floor, ci)| HeldOutResult { held_out_error: error, noise_floor: floor, noise_floor_ci95: Some(ci) })
 }
 
@@ -329,7 +329,7 @@ impl Joint<'_> {
         let mut sure = true;
         let mut floor = self.input.floor;
         for step in 0..MOST_LAWS {
-            if standing(floor, error).is_none_or(|s| s.reached_by(error)) {
+            if measured(floor, error).is_none_or(|s| s.reached_by(error)) {
                 break;
             }
             let named = self.named(&round);
@@ -392,7 +392,7 @@ impl Joint<'_> {
         if let (Some(floor), false) = (floor, found.is_empty()) {
             (out.noise_floor, out.noise_floor_ci95) = (floor.0, Some(floor.1));
         }
-        let after = standing(floor, error);
+        let after = measured(floor, error);
         out.verdict = match after {
             Some(s) if s.is_above() => Verdict::Unexplained,
             None => Verdict::NotDetectable,

@@ -87,7 +87,7 @@ pub(crate) fn search(
     until: &Until,
     options: &DiscoverOptions,
 ) -> Option<OpenWorld> {
-    let standing = session.standing[0];
+    let model_error = session.model_error[0];
     let model: Vec<String> = accepted.iter().map(|c| c.key(session.scene)).collect();
     let base: Vec<Vec<DMatrix<f64>>> =
         accepted.iter().map(|c| session.columns_of(c, Domain::Flight)).collect::<Option<_>>()?;
@@ -111,7 +111,7 @@ pub(crate) fn search(
         };
         let now: f64 = problem.folds.iter().map(|f| f.error).sum();
         left = now;
-        if round > 0 && standing.is_some_and(|s| s.noise_floor > 0.0 && at_floor(&s, now / before)) {
+        if round > 0 && model_error.is_some_and(|s| s.noise_floor > 0.0 && at_floor(&s, now / before)) {
             break;
         }
         // a session of many flights is searched in some of them, and laws are fitted to all
@@ -163,10 +163,10 @@ pub(crate) fn search(
     }
     let (made, clusters) = first?;
     let ratio = (left / before).sqrt();
-    let after = standing.map(|s| s.held_out_error * ratio);
-    let times_floor = standing.filter(|s| s.noise_floor > 0.0).map(|s| s.held_out_error * ratio / s.noise_floor);
+    let after = model_error.map(|s| s.held_out_error * ratio);
+    let times_floor = model_error.filter(|s| s.noise_floor > 0.0).map(|s| s.held_out_error * ratio / s.noise_floor);
     let complete = !laws.is_empty()
-        && (times_floor.is_some_and(|t| t <= ANSWERED) || standing.is_some_and(|s| at_floor(&s, left / before)));
+        && (times_floor.is_some_and(|t| t <= ANSWERED) || model_error.is_some_and(|s| at_floor(&s, left / before)));
     let simpler = |most: usize| {
         let alone = laws.len() == 1 && laws[0].fitted.unknowns < most;
         alone && ratio <= SIMPLER * catalogue.ratio && ratio < BETTER * catalogue.single
@@ -211,8 +211,8 @@ pub(crate) fn search(
         next: next.filter(|_| !found.is_empty()),
         laws: found,
         complete,
-        times_floor_after: if named { times_floor } else { standing.map(|s| s.held_out_error / s.noise_floor) },
-        held_out_error_after: after.filter(|_| named).or(standing.map(|s| s.held_out_error)).unwrap_or(ratio),
+        times_floor_after: if named { times_floor } else { model_error.map(|s| s.held_out_error / s.noise_floor) },
+        held_out_error_after: after.filter(|_| named).or(model_error.map(|s| s.held_out_error)).unwrap_or(ratio),
         stopped_after_s: options.budget_s.filter(|_| until.is_over()),
         words: String::new(),
     };
@@ -221,8 +221,8 @@ pub(crate) fn search(
 }
 
 /// True if a share of the squared error stands within the floor's interval.
-fn at_floor(standing: &HeldOutResult, share: f64) -> bool {
-    standing.reached_by(standing.held_out_error * share.sqrt())
+fn at_floor(model_error: &HeldOutResult, share: f64) -> bool {
+    model_error.reached_by(model_error.held_out_error * share.sqrt())
 }
 
 /// The problem with laws in the model.

@@ -50,7 +50,7 @@ impl Effect for FilterAttenuation {
         let mut turns = Vec::with_capacity(series.len() * n);
         let mut shifts = Vec::with_capacity(series.len() * n);
         for i in 0..series.len() {
-            seen(&series.frame(i), &mut turns, &mut shifts);
+            apparent_displacements(&series.frame(i), &mut turns, &mut shifts);
         }
         let at = |f: &EffectFrame<'_>, link: usize| series.index_of(f.frame).map(|i| i * n + link);
         let of = |all: &[Vector3<f64>], f: &EffectFrame<'_>, link| at(f, link).map_or_else(Vector3::zeros, |k| all[k]);
@@ -62,7 +62,7 @@ impl Effect for FilterAttenuation {
 /// Rotations proportional to the angular acceleration, as far as the joints permit; displacements
 /// of a skeleton with constant lengths, whose total centre of mass moves in proportion to its
 /// acceleration.
-fn seen(f: &EffectFrame<'_>, turns: &mut Vec<Vector3<f64>>, shifts: &mut Vec<Vector3<f64>>) {
+fn apparent_displacements(f: &EffectFrame<'_>, turns: &mut Vec<Vector3<f64>>, shifts: &mut Vec<Vector3<f64>>) {
     let scene = f.scene;
     let first = turns.len();
     let mut origins: Vec<Vector3<f64>> = Vec::with_capacity(f.links.len());

@@ -152,8 +152,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         done.note("contact_measured_s", covered.complete_s());
         done.note("contact_left_out_s", covered.lost_s());
     }
-    if let Some(words) = covered.words() {
-        done.warnings.push(StageWarning::new(QcReason::PartlyMeasured, words));
+    if let Some(sentence) = covered.sentence() {
+        done.warnings.push(StageWarning::new(QcReason::PartlyMeasured, sentence));
         reasons.push(QcReason::PartlyMeasured);
     }
     let expected = params.role == Some(Role::Identify) && subject.model.is_whole();

@@ -178,7 +178,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         .sum();
     done.note("missing_samples", gaps_left);
     done.warnings.extend(trial.warnings.iter().map(ToString::to_string));
-    done.warnings.extend(told(&quality.reasons));
+    done.warnings.extend(texts_of(&quality.reasons));
     write_json(&inputs.out.join("quality.json"), &ImportRecord { matched, fills, findings, quality, samples })?;
     Ok(done)
 }
@@ -197,7 +197,7 @@ const LEAST_FIT: f64 = 0.5;
 const NAMED_GAPS: usize = 4;
 
 /// The reasons as warnings; many long gaps (a person who walks through the volume) are one.
-fn told(reasons: &[QualityReason]) -> Vec<String> {
+fn texts_of(reasons: &[QualityReason]) -> Vec<String> {
     let warned = || reasons.iter().filter(|r| r.severity() == Severity::Warning);
     let gaps: Vec<(&String, usize, usize)> = warned()
         .filter_map(|r| match r {

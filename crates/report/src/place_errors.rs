@@ -1,5 +1,5 @@
-//! Where the present model stands: its held-out error against the noise floor. Every signal of the
-//! page about the model comes from here.
+//! Held-out error of the present model against the noise floor, by kind of motion. Every signal of
+//! the page about the model comes from here.
 
 use super::lights;
 use super::story::Story;
@@ -63,7 +63,7 @@ impl PlaceError {
 /// Errors on both kinds of motion, the one on which the model is judged first: where the effect of
 /// its last revision acts, where `discover` found something, or else where the error is farthest
 /// above its floor.
-pub fn standings(story: &Story<'_>) -> Vec<PlaceError> {
+pub fn errors_by_place(story: &Story<'_>) -> Vec<PlaceError> {
     let Some(view) = &story.comparison else { return Vec::new() };
     let mut all: Vec<PlaceError> = view.errors.iter().map(PlaceError::of).collect();
     let place = stated_place(asked(story), story.history.revisions.last());
@@ -116,7 +116,7 @@ pub fn effects<'s>(story: &'s Story<'_>) -> &'s [String] {
 /// Judgement of the model: the worst of its errors against their floors and of the gate. Without a
 /// floor nothing is good.
 pub fn light(story: &Story<'_>) -> Light {
-    let errors = standings(story).iter().map(PlaceError::light).max().unwrap_or(Light::Neutral);
+    let errors = errors_by_place(story).iter().map(PlaceError::light).max().unwrap_or(Light::Neutral);
     let unjudged = story.comparison.as_ref().is_some_and(|v| !v.limits.is_empty());
     let gate = match &story.found {
         Some(found) if !found.parameters.gate.passed => Light::Poor,
