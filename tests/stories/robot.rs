@@ -202,3 +202,72 @@ fn an_encoder_with_a_wrong_zero_is_found() {
     let value = coefficient["value"].as_f64().unwrap();
     assert!((value - 0.05).abs() < 0.01, "{coefficient}");
 }
+
+/// ∫ (h² − (y − c)²) dm along the y axis of a link, kg·m²: positive for mass inside a box of half
+/// width `h` about `c`.
+fn inside(link: &serde_json::Value, centre_m: f64, half_m: f64) -> f64 {
+    let of = |v: &serde_json::Value| v.as_f64().unwrap();
+    let (mass, y) = (of(&link["mass_kg"]), of(&link["com_m"][1]) - centre_m);
+    let moment = |k: usize| of(&link["inertia_kgm2"][k][k]);
+    let about_com = 0.5 * (moment(0) + moment(2) - moment(1));
+    mass * (half_m * half_m - y * y) - about_com
+}
+
+#[test]
+fn inertias_stay_inside_the_collision_geometry() {
+    let dir = folder();
+    let data = dir.path().join("data");
+    copy(Path::new(&repo("fixtures/robot")), &data);
+    let pipeline = dir.path().join("robot.yaml");
+    let text = fs::read_to_string(repo("pipelines/robot.yaml")).unwrap().replace("../fixtures/robot", "data");
+    fs::write(&pipeline, &text).unwrap();
+    let model = data.join("model/nominal.urdf");
+    let plain = fs::read_to_string(&model).unwrap();
+    // a box that the nominal lower arm fits into and the identified one does not; one that the
+    // nominal upper arm does not fit into; a mesh
+    let (centre, half) = (0.013, 0.0162);
+    let solid = |y: f64, size: &str| {
+        format!("<collision><origin xyz=\"0.02 {y} -0.1\"/><geometry><box size=\"{size}\"/></geometry></collision>")
+    };
+    let mesh = "<collision><geometry><mesh filename=\"arm.stl\"/></geometry></collision>".to_owned();
+    let mut with = plain;
+    for (link, shape) in [
+        ("l_lower", solid(centre, &format!("0.2 {} 0.4", 2.0 * half))),
+        ("l_upper", solid(0.0, "0.1 0.1 0.02")),
+        ("r_upper", mesh),
+        ("trunk", solid(0.0, "0.6 0.6 0.9")),
+    ] {
+        let head = format!("<link name=\"{link}\">");
+        assert!(with.contains(&head));
+        with = with.replace(&head, &format!("{head}{shape}"));
+    }
+    fs::write(&model, with).unwrap();
+    let path = pipeline.display().to_string();
+    let links = |workspace: &str| {
+        let ws = dir.path().join(workspace).display().to_string();
+        expect(&["run", &path, "--workspace", &ws], 0);
+        json(&["parameters", &path, "--workspace", &ws, "--json"])["links"].clone()
+    };
+    let of = |links: &serde_json::Value, name: &str| {
+        links.as_array().unwrap().iter().find(|l| l["name"] == name).unwrap().clone()
+    };
+    let free = links("free");
+    assert!(inside(&of(&free, "l_lower"), centre, half) < 0.0, "{}", of(&free, "l_lower"));
+
+    let limits = "\nrobot:\n  inertia_limits: collision\n  limits_margin_m: 0.0\n";
+    fs::write(&pipeline, text.replacen("\nrobot:\n", limits, 1)).unwrap();
+    let limited = links("limited");
+    let arm = of(&limited, "l_lower");
+    assert!(inside(&arm, centre, half) > 0.0, "{arm}");
+    // a limit on one link changes the others little: motion determines them
+    let mass = |l: &serde_json::Value| l["mass_kg"].as_f64().unwrap();
+    for other in ["trunk", "r_lower"] {
+        let (a, b) = (mass(&of(&free, other)), mass(&of(&limited, other)));
+        assert!((a / b - 1.0).abs() < 0.05, "{other}: {a} {b}");
+    }
+    let manifest = fs::read_to_string(dir.path().join("limited/scale/_study/manifest.json")).unwrap();
+    let told = "the inertia in nominal.urdf does not fit into the collision geometry of l_upper: no limit is set there";
+    let shown = manifest.replace("model/nominal.urdf", "nominal.urdf");
+    assert!(shown.contains(told), "{manifest}");
+    assert!(manifest.contains("\"links_with_limits\": 2"), "{manifest}");
+}

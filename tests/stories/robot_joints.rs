@@ -76,7 +76,7 @@ impl Lab {
     }
 
     fn call(&self, words: &[&str]) -> String {
-        expect(&self.sentence(words), 0).0
+        expect(&self.words(words), 0).0
     }
 
     fn json(&self, words: &[&str]) -> Value {

@@ -219,6 +219,7 @@ fn subject_of(osim: &OsimModel) -> Subject {
         provenance: Vec::new(),
         model: osim.model.clone(),
         estimated: None,
+        boxes: Vec::new(),
     }
 }
 

@@ -4,7 +4,7 @@ use crate::held_out::{HeldOutError, weight_n};
 use aloft_body::{EstimatedPoints, Subject};
 use aloft_compare::{Comparison, ModelComparison};
 use aloft_flight::ImpulseMass;
-use aloft_identify::{Determination, Parameters, Sigma};
+use aloft_identify::{Determination, Origin, Parameters, Sigma};
 use aloft_ik::CalibrationReport;
 use aloft_pipeline::results::parameters_file;
 use aloft_pipeline::stages::STAGES;
@@ -69,8 +69,11 @@ pub struct LeftOut {
 /// Body mass from the impulse of the force plates between flights, compared with the stated mass.
 #[derive(Debug, Clone, Serialize)]
 pub struct ImpulseMassView {
-    /// Median over contacts, kg.
+    /// Mean over contacts, kg.
     pub mass_kg: f64,
+    /// 95 % interval of the mean, kg; none for one contact.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ci95: Option<[f64; 2]>,
     /// Smallest and largest, kg.
     pub range_kg: [f64; 2],
     /// Contacts between two flights.
@@ -79,6 +82,10 @@ pub struct ImpulseMassView {
     pub stated_kg: f64,
     /// What to check if the two masses disagree.
     pub doubt: Option<String>,
+    /// What to correct first, where the two differ so much that no other number of the comparison
+    /// can be trusted although bodies fall freely in flight.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wrong: Option<String>,
 }
 
 /// What calibration changed in the geometry and how much it reduced the marker error.
@@ -109,6 +116,8 @@ pub struct ParametersBrief {
     pub trials: usize,
     /// Base parameters whose values come from motion.
     pub from_motion: usize,
+    /// Base parameters that follow from the stated mass: the mass itself.
+    pub from_scale: usize,
     /// Base parameters in all.
     pub in_all: usize,
     /// Whether the gate passed: the numbers may be reported as identified.
@@ -129,7 +138,12 @@ impl ParametersBrief {
         Self {
             rows,
             trials: p.n_trials,
-            from_motion: p.base.iter().filter(|b| b.determination != Determination::Hardly).count(),
+            from_motion: p
+                .base
+                .iter()
+                .filter(|b| b.from != Origin::Scale && b.determination != Determination::Hardly)
+                .count(),
+            from_scale: p.base.iter().filter(|b| b.from == Origin::Scale).count(),
             in_all: p.base.len(),
             gate_passed: p.gate.passed,
             to_do: to_do(p),
@@ -146,6 +160,7 @@ impl ParametersBrief {
             rows,
             trials: 0,
             from_motion: 0,
+            from_scale: 0,
             in_all: 0,
             gate_passed: false,
             to_do: None,
@@ -284,20 +299,22 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
     if gate_passed && brief.to_do.is_none() {
         brief.to_do = noisy(&comparison, weight);
     }
+    let impulse_mass = impulse_mass(session, &ws);
+    let mut errors: Vec<HeldOutError> =
+        comparison.against_floor.iter().map(|a| HeldOutError::of(a, &comparison.beside, weight, gate_passed)).collect();
+    if impulse_mass.as_ref().is_some_and(|m| m.wrong.is_some()) {
+        errors.iter_mut().for_each(HeldOutError::distrust);
+    }
     Ok(ComparisonView {
         version: 1,
         subject: session.facts.person.name.clone(),
-        errors: comparison
-            .against_floor
-            .iter()
-            .map(|a| HeldOutError::of(a, &comparison.beside, weight, gate_passed))
-            .collect(),
+        errors,
         left_out: left_out(session, &ws, &comparison),
         parameters: brief,
         limits,
         kinematics: kinematics(session, &ws),
         calibration: calibration(&ws),
-        impulse_mass: impulse_mass(session, &ws),
+        impulse_mass,
         comparison,
     })
 }
@@ -336,6 +353,10 @@ pub fn failed_stage(ws: &Workspace, trial: &str) -> Option<(&'static str, StageF
 
 /// Relative difference between the two masses above which they are doubted.
 const MASS_DOUBT: f64 = 0.02;
+/// Relative difference above which nothing else of the comparison is trusted.
+const MASS_WRONG: f64 = 0.1;
+/// Deviation from free fall in flight below which nothing carries the body, percent of g.
+const FREE_FALL_PERCENT: f64 = 5.0;
 
 /// Mass from impulse over all trials with plates and at least two flights.
 pub fn impulse_mass(session: &SubjectSession, ws: &Workspace) -> Option<ImpulseMassView> {
@@ -346,9 +367,9 @@ pub fn impulse_mass(session: &SubjectSession, ws: &Workspace) -> Option<ImpulseM
         .flatten()
         .map(|m| m.mass_kg)
         .collect();
+    let (mass_kg, half, contacts) = crate::session_check::mass_by_impulse(&masses)?;
     masses.sort_by(f64::total_cmp);
     let (first, last) = (*masses.first()?, *masses.last()?);
-    let mass_kg = aloft_signal::median(&mut masses);
     let stated_kg = session.facts.person.mass_kg;
     let off = mass_kg / stated_kg - 1.0;
     // effects of the model act on the impulse, too, and may account for the difference
@@ -359,7 +380,17 @@ pub fn impulse_mass(session: &SubjectSession, ws: &Workspace) -> Option<ImpulseM
             100.0 * off
         )
     });
-    Some(ImpulseMassView { mass_kg, range_kg: [first, last], contacts: masses.len(), stated_kg, doubt })
+    // what carries the body shows in flight as well; a wrong mass or gain does not
+    let mut falls: Vec<f64> =
+        kinematics(session, ws).iter().filter_map(|k| k.gravity_error_percent).map(f64::abs).collect();
+    let free = !falls.is_empty() && aloft_signal::median(&mut falls) < FREE_FALL_PERCENT;
+    let wrong = (contacts >= 2 && off.abs() > MASS_WRONG && free && session.effects.is_empty()).then(|| {
+        format!(
+            "the plates weigh the body at {mass_kg:.1} kg and {stated_kg:.1} kg are stated: correct `mass_kg` (or the plates' scale), then run again"
+        )
+    });
+    let ci95 = half.map(|h| [mass_kg - h, mass_kg + h]);
+    Some(ImpulseMassView { mass_kg, ci95, range_kg: [first, last], contacts, stated_kg, doubt, wrong })
 }
 
 /// The calibration report, and whether the calibrated geometry is used.

@@ -220,6 +220,12 @@ pub fn add(
                 "see `aloft history`; remove it first to change it",
             ));
         }
+        if let Some(held) = effects.iter().find(|e| key == e.id() && e.key != chosen.key) {
+            return Err(PipelineError::request_hint(
+                format!("the model holds `{}` already", held.key),
+                format!("for a second one name its place: `{}`; or remove the other first", chosen.key),
+            ));
+        }
         crate::discover::refuse_without_numbers(session, &chosen)?;
         let action = format!("add {}", chosen.key);
         effects.push(chosen);

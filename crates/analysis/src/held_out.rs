@@ -61,6 +61,12 @@ impl HeldOutError {
         }
     }
 
+    /// Judges the error as poor: something that it rests on is known to be wrong.
+    pub(crate) fn distrust(&mut self) {
+        self.signal = Signal::Poor;
+        self.at_floor = self.at_floor.map(|_| false);
+    }
+
     /// From what a revision of the model reached.
     pub(crate) fn of_revision(judged_on: &str, j: &Judged, weight_n: f64) -> Self {
         Self {

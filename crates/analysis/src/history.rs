@@ -1,6 +1,6 @@
 //! `history`: the revisions of a model, and what each of them reached.
 
-use crate::compare::{ComparisonView, JudgedOn, compare};
+use crate::compare::{ComparisonView, JudgedOn, compare, impulse_mass};
 use crate::held_out::{HeldOutError, weight_n};
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
@@ -136,6 +136,10 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
     let mut rows: Vec<HistoryRow> = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts, weight)).collect();
     if let Some(last) = rows.last_mut() {
         last.trials_changed = since_made.or(last.trials_changed.take());
+        if impulse_mass(session, &ws).is_some_and(|m| m.wrong.is_some()) {
+            last.errors.iter_mut().for_each(HeldOutError::distrust);
+            last.at_floor = last.at_floor.map(|_| false);
+        }
     }
     Ok(History { version: 1, subject: session.facts.person.name.clone(), revisions: rows })
 }

@@ -114,9 +114,26 @@ pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<
         },
         NotUsed { why: "could not be read:", names: broken },
     ];
-    let (text, notes) = write(folder, &target, &layout, files.len(), &seen, &not_used)?;
+    let name = pipeline_name(folder, &target, options.subject.as_deref());
+    let (text, notes) = write(folder, &target, &name, &layout, files.len(), &seen, &not_used)?;
+    if let Some(parent) = target.parent().filter(|p| !p.as_os_str().is_empty()) {
+        aloft_workspace::disk::create_dir_all(parent)?;
+    }
     aloft_workspace::disk::write_whole(&target, text.as_bytes())?;
     Ok(Written { path: target, notes })
+}
+
+/// Name of the pipeline, from which that of its workspace follows: two pipelines of one folder must
+/// not share one. That of the file where `--out` names it, else those of folder and subject.
+fn pipeline_name(folder: &Path, target: &Path, subject: Option<&str>) -> String {
+    let stem = target.file_stem().map(|s| s.to_string_lossy().into_owned()).filter(|s| s != "aloft");
+    let of_folder = || {
+        let own = folder.canonicalize().ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
+        let own = own.unwrap_or_else(|| "study".to_owned());
+        subject.map_or_else(|| own.clone(), |s| format!("{own}_{s}"))
+    };
+    let name = stem.unwrap_or_else(of_folder);
+    name.replace(|c: char| !c.is_alphanumeric() && c != '-' && c != '_', "_")
 }
 
 /// What to do where a pipeline file is there: use it, or write another one.
@@ -252,6 +269,7 @@ fn list(names: &[&Determination], layout: &Layout) -> String {
 fn write(
     folder: &Path,
     target: &Path,
+    name: &str,
     layout: &Layout,
     n_files: usize,
     seen: &[Determination],
@@ -272,11 +290,6 @@ fn write(
     let plates = seen.iter().map(|s| s.trial.plates.len()).max().unwrap_or(0);
     let rates: BTreeSet<String> = seen.iter().map(|s| format!("{}", s.trial.markers.rate_hz)).collect();
     let data = data_path(folder, target);
-    let name = folder
-        .canonicalize()
-        .ok()
-        .and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()))
-        .unwrap_or_else(|| "study".to_owned());
     let has_facts = ["subject.yaml", "object.yaml", "participants.tsv"].iter().find(|f| folder.join(f).is_file());
     let own_facts = layout.subjects.iter().all(|s| folder.join(s).join("subject.yaml").is_file());
     let mut t = String::new();
@@ -286,7 +299,7 @@ fn write(
     line("# Written by `aloft init`. Look through it, then:".to_owned());
     let path = quote::visible(&quote::path(target));
     line(format!("#   aloft check {path}\n#   aloft run {path}"));
-    line(format!("name: {}", name.replace(|c: char| !c.is_alphanumeric() && c != '-' && c != '_', "_")));
+    line(format!("name: {name}"));
     line(format!("data: {}", quote::yaml(&data)));
     line(format!(
         "# {n_files} recordings at {} Hz{}",

@@ -11,6 +11,8 @@ use aloft_study::subject_session::SubjectSession;
 pub enum NextStep {
     /// Bring the results up to date.
     Run,
+    /// Correct what the sentence says, and run again: nothing else can be trusted before.
+    Correct(String),
     /// Record what the sentence says; nothing can be asked of these recordings.
     Record(String),
     /// Ask which effect is missing.
@@ -63,6 +65,10 @@ pub fn next_step(session: &SubjectSession, view: &ComparisonView, current: bool)
 /// The next step, given the answer of `discover` for the present model and results (none if it was
 /// not asked) and the keys of the effects that the model holds.
 pub fn step(view: &ComparisonView, answer: Option<&Discovery>, held: &[&str]) -> NextStep {
+    let wrong = view.impulse_mass.as_ref().and_then(|m| m.wrong.clone());
+    if let Some(wrong) = wrong {
+        return NextStep::Correct(wrong);
+    }
     let record = view.parameters.to_do.clone();
     let Some(d) = answer else {
         return match (is_above(view), view.too_few_to_ask()) {

@@ -78,6 +78,17 @@ fn mean(values: &[f64]) -> Option<(f64, f64, usize)> {
     Some((mean, deviation / (values.len() as f64).sqrt(), values.len()))
 }
 
+/// Mean of the masses that single contacts between two flights gave, half of its 95 % interval (none
+/// for one contact), and their number.
+pub(crate) fn mass_by_impulse(masses: &[f64]) -> Option<(f64, Option<f64>, usize)> {
+    /// Velocities of a table's centre of mass, 95 %, common to all contacts.
+    const COMMON: f64 = 0.01;
+    mean(masses).map(|(value, se, n)| {
+        let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite());
+        (value, half.map(|h| h.hypot(COMMON * value)), n)
+    })
+}
+
 fn status(ci95: Option<[f64; 2]>, expected: Option<f64>) -> LineStatus {
     match (ci95, expected) {
         (Some([low, high]), Some(e)) if (low..=high).contains(&e) => LineStatus::Agrees,
@@ -190,12 +201,7 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         .flat_map(|m| m.1)
         .map(|m| m.mass_kg)
         .collect();
-    let by_impulse = mean(&masses).map(|(value, se, n)| {
-        let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite());
-        // velocities of a table's centre of mass: 1 % (95 %) beside the scatter, common to all
-        // contacts
-        (value, half.map(|h| h.hypot(0.01 * value)), n)
-    });
+    let by_impulse = mass_by_impulse(&masses);
     if let Some((value, half, n)) = by_impulse {
         let ci95 = half.map(|h| [value - h, value + h]);
         let status = status(ci95, Some(stated));

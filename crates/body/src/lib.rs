@@ -64,4 +64,4 @@ pub use inertia::{LinkInertia, PHI_NAMES, Phi};
 pub use model::{Joint, JointKind, JointSpec, Link, LinkSpec, Model, ModelSpec, STANDARD_GRAVITY_MPS2};
 pub use motion::Motion;
 pub use state::State;
-pub use subject::{EstimatedPoints, ModelMarker, PersonFacts, Sex, Subject};
+pub use subject::{EstimatedPoints, LinkBox, ModelMarker, PersonFacts, Sex, Subject};

@@ -64,6 +64,50 @@ pub struct Subject {
     /// capture).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimated: Option<EstimatedPoints>,
+    /// For each link the box that holds its mass, if one is known; empty if none is.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub boxes: Vec<Option<LinkBox>>,
+}
+
+/// A box along the axes of a link, inside which all mass of the link lies.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LinkBox {
+    /// Lower corner, link frame, m.
+    pub low_m: Vector3<f64>,
+    /// Upper corner, link frame, m.
+    pub high_m: Vector3<f64>,
+}
+
+impl LinkBox {
+    /// Rows `r` with `r·φ = ∫ (x − low)(high − x) dm` along each axis, kg·m² (Wensing, Kim and
+    /// Slotine 2017 for ellipsoids). Mass of positive density inside the box makes all three
+    /// positive.
+    pub fn moment_rows(&self) -> [Phi; 3] {
+        std::array::from_fn(|axis| {
+            let (low, high) = (self.low_m[axis], self.high_m[axis]);
+            let mut row = Phi::zeros();
+            row[0] = -low * high;
+            row[1 + axis] = low + high;
+            // ∫ x² dm is half the trace of the inertia less the moment about the axis
+            for k in 0..3 {
+                row[4 + k] = if k == axis { 0.5 } else { -0.5 };
+            }
+            row
+        })
+    }
+    /// The smallest of the three moments of [`LinkBox::moment_rows`] over the link's mass and the
+    /// squared half length of the box, without unit; negative for mass that cannot lie inside.
+    pub fn room(&self, phi: &Phi) -> f64 {
+        let half = 0.5 * (self.high_m - self.low_m);
+        let moments = self.moment_rows().map(|row| row.dot(phi));
+        (0..3).map(|k| moments[k] / (phi[0] * half[k] * half[k])).fold(f64::INFINITY, f64::min)
+    }
+    /// The box with its sides moved outwards by a margin, m.
+    #[must_use]
+    pub fn widened(&self, margin_m: f64) -> Self {
+        let by = Vector3::repeat(margin_m);
+        Self { low_m: self.low_m - by, high_m: self.high_m + by }
+    }
 }
 
 /// Points that software estimates from videos.

@@ -367,8 +367,10 @@ fn change_effects(
         let now = session.refreshed()?;
         steps.push((&session.id, compare::compare(&now).map_or(NextStep::Run, |view| next_step(&now, &view, true))));
     }
-    if let [(_, NextStep::Advised(advice))] = steps.as_slice() {
-        note(format!("advice: {advice}"));
+    match steps.as_slice() {
+        [(_, NextStep::Advised(advice))] => note(format!("advice: {advice}")),
+        [(_, NextStep::Correct(what))] => note(format!("first: {what}")),
+        _ => {}
     }
     command("next", &next::for_all(&steps, args));
     Ok(if trouble { Success::Partial } else { Success::Full })

@@ -21,7 +21,7 @@ pub fn judgement(e: &HeldOutError) -> Cell {
 pub fn grid(errors: &[HeldOutError]) -> Grid {
     let header =
         ["held out", "error N", "% weight", "moment N·m", "floor N", "floor 95 %", "times floor", "tables N", "judged"];
-    let mut t = table(&header).left(&[8]).optional(&[7, 3, 5, 2]);
+    let mut t = table(&header).left(&[8]).optional(&[7, 5, 2, 3]);
     for e in errors {
         let interval = e
             .noise_floor_ci95
@@ -65,8 +65,9 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
             plural(p.trials, "trial")
         ),
     );
-    let tables = p.in_all - p.from_motion;
-    let rest = if tables > 0 { format!(", {tables} from tables") } else { String::new() };
+    let tables = p.in_all - p.from_motion - p.from_scale;
+    let scale = if p.from_scale > 0 { format!(", {} from the scale", p.from_scale) } else { String::new() };
+    let rest = if tables > 0 { format!("{scale}, {tables} from tables") } else { scale };
     let gate = if p.gate_passed { "gate passed" } else { "gate not passed: too little motion to determine the body" };
     let words = format!("{} of {} parameters from motion{rest}; {gate}", p.from_motion, p.in_all);
     let signal = if p.gate_passed { Signal::Good } else { Signal::Poor };
@@ -78,6 +79,17 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
 /// of it.
 const LEVER_M: f64 = 0.1;
 const MOSTLY: f64 = 2.0;
+
+/// An error that is mostly a moment, in one line: in newtons it reads as a force.
+fn in_the_moment(view: &ComparisonView) -> Option<String> {
+    let place = if view.comparison.first.held_out_weak.windows > 0 { "contact" } else { "flight" };
+    let e = view.errors.iter().find(|e| e.judged_on == place && e.at_floor != Some(true))?;
+    let (force_n, moment_nm) = e.held_out_force_n.zip(e.held_out_moment_nm)?;
+    (moment_nm > MOSTLY * LEVER_M * force_n).then(|| {
+        let (moment, force) = (significant(moment_nm, 3), significant(force_n, 3));
+        crate::screen::one_line("where       ", &format!("mostly in the moment: {moment} N·m, beside {force} N"))
+    })
+}
 
 /// Where the error is largest, in one line; none of an error at its floor, where this is chance.
 pub fn worst(view: &ComparisonView) -> Option<String> {
@@ -93,14 +105,8 @@ pub fn worst(view: &ComparisonView) -> Option<String> {
         ("worst       ", place)
     } else {
         // no place stands out: name the moment where it is most of the error, else the axis
-        let place = if c.first.held_out_weak.windows > 0 { "contact" } else { "flight" };
-        let sizes = view.errors.iter().find(|e| e.judged_on == place);
-        if let Some((force_n, moment_nm)) = sizes.and_then(|e| e.held_out_force_n.zip(e.held_out_moment_nm))
-            && moment_nm > MOSTLY * LEVER_M * force_n
-        {
-            let (moment, force) = (significant(moment_nm, 3), significant(force_n, 3));
-            let text = format!("mostly in the moment: {moment} N·m, beside {force} N; no trial stands out");
-            return Some(crate::screen::one_line("where       ", &text));
+        if let Some(line) = in_the_moment(view) {
+            return Some(line);
         }
         let errors = if c.first.held_out_weak.windows > 0 { &c.first.held_out_weak } else { &c.first.flight_weak };
         let axis = (0..3).max_by(|&a, &b| errors.force_n.rmse[a].total_cmp(&errors.force_n.rmse[b]))?;
@@ -114,7 +120,7 @@ pub fn worst(view: &ComparisonView) -> Option<String> {
 
 /// The body mass that the plates show, where it is not the stated one.
 fn weighed(view: &ComparisonView) -> Option<String> {
-    let mass = view.impulse_mass.as_ref().filter(|m| m.doubt.is_some())?;
+    let mass = view.impulse_mass.as_ref().filter(|m| m.doubt.is_some() || m.wrong.is_some())?;
     let text = format!(
         "{} kg by the impulse between flights, {} kg stated ({:+.1} %)",
         significant(mass.mass_kg, 3),
@@ -124,22 +130,24 @@ fn weighed(view: &ComparisonView) -> Option<String> {
     Some(crate::screen::one_line("mass        ", &text))
 }
 
-/// The constant taken off recordings whose plates were never unloaded, where it is larger than the
-/// noise floor: an error of the model of that size would not show.
+/// The error in contact as measured, where constants taken off recordings whose plates were never
+/// unloaded hide more than the noise floor: an error of the model of that size would not show.
 fn constant(view: &ComparisonView) -> Option<String> {
     let floor_n = view.errors.iter().find(|e| e.judged_on == "contact")?.noise_floor?;
-    let size = |t: &aloft_compare::TrialComparison| {
-        t.offset.filter(|_| t.held_out_contact).map(|o| o.force_n.iter().map(|f| f * f).sum::<f64>().sqrt())
-    };
-    let trials = &view.comparison.first.trials;
-    let large: Vec<&str> =
-        trials.iter().filter(|t| size(t).is_some_and(|n| n > floor_n)).map(|t| t.trial.as_str()).collect();
-    let most = trials.iter().filter_map(size).fold(0.0, f64::max);
-    (!large.is_empty()).then(|| {
-        let text = format!("constant errors up to {} N in {}: never unloaded", significant(most, 2), large.join(", "));
+    let first = &view.comparison.first;
+    let (shown, measured) = (first.held_out_weak.size(), first.held_out_weak_as_measured.size());
+    let hidden = (measured * measured - shown * shown).max(0.0).sqrt();
+    (hidden > floor_n && measured > MUCH * shown).then(|| {
+        let text = format!(
+            "{} N in contact as measured: constants of plates never unloaded are taken off",
+            significant(measured, 3)
+        );
         crate::screen::one_line("hidden      ", &text)
     })
 }
+
+/// Ratio of the errors with and without constants from which both are shown.
+const MUCH: f64 = 1.2;
 
 /// Trials that are not in the errors, as one line.
 pub fn left_out(list: &[LeftOut]) -> Option<String> {
@@ -175,11 +183,11 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
     if !view.limits.is_empty() {
         return Ok(());
     }
-    // a wrong mass or gain, and what to record, come before the place of the largest error; two
+    // a wrong mass or gain, and what to record, come before the place of the largest error; three
     // lines of all of them, so that a run ends with twelve
     let first = [weighed(view), to_do(view)];
-    let place = if first.iter().all(Option::is_none) { worst(view) } else { None };
-    first.into_iter().chain([place, constant(view)]).flatten().take(2).try_for_each(out)
+    let place = if first.iter().all(Option::is_none) { worst(view) } else { in_the_moment(view) };
+    first.into_iter().chain([place, constant(view)]).flatten().take(3).try_for_each(out)
 }
 
 /// What to do about a gate that did not pass.

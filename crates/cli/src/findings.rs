@@ -313,7 +313,7 @@ fn candidates(view: &DiscoveryView, shown: usize) -> Result<(), Stop> {
             first.map_or("–".into(), uncertainty),
             significant(c.minimum_detectable, 2),
             first.map_or(String::new(), |e| unit(&e.unit)),
-            like(c).join(" "),
+            like(c, d).join(" "),
         ]);
         t.add_row(row);
     }
@@ -361,10 +361,18 @@ fn rounds(d: &Discovery) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Effects that cannot be told from this one: chance could explain the difference in rank (p >
-/// 0.05).
-fn like(c: &Candidate) -> Vec<&str> {
-    c.confused_with.iter().filter(|x| x.p_value > 0.05).map(|x| x.effect.as_str()).take(3).collect()
+/// Effects that cannot be told from this one: those that the verdict names beside it, and those whose
+/// difference in rank chance could explain (p > 0.05).
+fn like<'d>(c: &'d Candidate, d: &'d Discovery) -> Vec<&'d str> {
+    let class = d.groups.iter().find(|g| g.effects.contains(&c.effect)).into_iter().flat_map(|g| &g.effects);
+    let mut out: Vec<&str> = class.map(String::as_str).filter(|e| *e != c.effect).collect();
+    for other in c.confused_with.iter().filter(|x| x.p_value > 0.05) {
+        if !out.contains(&other.effect.as_str()) {
+            out.push(&other.effect);
+        }
+    }
+    out.truncate(3);
+    out
 }
 
 /// How often injected effects are identified correctly.

@@ -45,8 +45,13 @@ fn one(law: &FoundLaw) -> Result<(), Stop> {
     };
     out(labelled(&format!("    strength ({of}) = "), &law.strength.to_string()))?;
     let mut t = table(&["    constant", "value", "± 95 %", "unit"]).left(&[3]);
-    for e in law.coefficients.iter().chain(&law.parameters).chain(&law.point) {
-        let half = if e.at_bound { "at its bound".to_owned() } else { half(e.ci95) };
+    let values = law.coefficients.iter().chain(&law.parameters).map(|e| (e, "–"));
+    for (e, without) in values.chain(law.point.iter().map(|e| (e, "any (along the force)"))) {
+        let half = match e.ci95 {
+            _ if e.at_bound => "at its bound".to_owned(),
+            Some(_) => half(e.ci95),
+            None => without.to_owned(),
+        };
         t.add_row([format!("    {}", e.name), beside(e.value, e.ci95), half, unit(&e.unit)]);
     }
     out(t)

@@ -285,7 +285,7 @@ pub fn impulse_mass(w: &ImpulseMassView) -> Result<(), Stop> {
     out(labelled(
         "mass by impulse: ",
         &format!(
-            "{:.2} kg ({:.2} to {:.2} over {} contacts){}",
+            "{:.1} kg ({:.1} to {:.1} over {} contacts){}",
             w.mass_kg,
             w.range_kg[0],
             w.range_kg[1],

@@ -170,7 +170,11 @@ impl Problem {
         let n_judged = used.iter().filter(|&&i| judged(i)).map(|&i| session.blocks[i].n_rows).sum();
         let n_test = clusters.iter().filter(|c| !c.judged.is_empty()).count();
         if n_test < 2 {
-            return Err(DiscoverError::TooFew { what: "flights or trials with rows", needed: 2, found: n_test });
+            return Err(DiscoverError::TooFew {
+                what: "flights, or trials with plates (each is judged by the others)",
+                needed: 2,
+                found: n_test,
+            });
         }
         let gram = clusters.iter().fold(DMatrix::zeros(m, m), |s, c| s + &c.gram);
         let right = clusters.iter().fold(DVector::zeros(m), |s, c| s + &c.right);

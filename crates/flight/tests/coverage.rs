@@ -54,6 +54,7 @@ fn body() -> Subject {
         provenance: Vec::new(),
         model,
         estimated: None,
+        boxes: Vec::new(),
     }
 }
 

@@ -14,6 +14,11 @@
 //! Newton's method with step halving finds the unique minimum. The gradient of the divergence is
 //! nonzero everywhere except at the prior, so `Bφ` differs slightly from the regularised estimate.
 //!
+//! Where a box is known that holds the mass of a link (collision geometry), the divergence also has
+//! a term `t − log t − 1` for each axis of the box, with `t = ∫ (x − a)(b − x) dm` over the same
+//! moment of the prior. It is linear in φ inside the logarithm, hence convex, and infinite where
+//! mass would lie outside.
+//!
 //! The prior states relative deviations (mass, stretches and shears of the mass distribution), so φ
 //! is a nonlinear function f of the ten numbers x per link ([`crate::prior`]). Its linear map is
 //! first taken at the prior and then, as in Gauss and Newton's method, at the links found: `φ₀ =
@@ -105,15 +110,9 @@ pub fn consistent_links(
             inverse.ok_or_else(|| IdentifyError::Numeric(format!("the prior of link {j} is not physically consistent")))
         })
         .collect::<Result<_, _>>()?;
-    let mut problem = Problem::new(
-        merged,
-        base,
-        &stacked(&start),
-        prior.covariance.clone(),
-        prior.second_order.clone(),
-        references,
-        options,
-    )?;
+    let limits = Limits { references, slabs: slabs(prior, &start)? };
+    let covariance = (prior.covariance.clone(), prior.second_order.clone());
+    let mut problem = Problem::new(merged, base, &stacked(&start), covariance, limits, options)?;
     let mut links = problem.solve(options.divergence_weight)?;
     for _ in 0..ROUNDS {
         let Some(at) = prior.at(&start, &links.phi) else { break };
@@ -136,13 +135,44 @@ fn scaled_to_mass(prior: &LinkPrior, mass_kg: f64) -> Vec<Phi> {
     phi.into_iter().map(|p| p * (mass_kg / total)).collect()
 }
 
+/// A moment of one link that is positive for mass inside its box, divided by that of the prior: `row
+/// · φ`.
+#[derive(Clone)]
+struct Slab {
+    link: usize,
+    row: Phi,
+}
+
+/// What keeps links consistent.
+#[derive(Clone)]
+struct Limits {
+    /// Inverse pseudo-inertia of each link of the prior.
+    references: Vec<Matrix4<f64>>,
+    slabs: Vec<Slab>,
+}
+
+fn slabs(prior: &LinkPrior, start: &[Phi]) -> Result<Vec<Slab>, IdentifyError> {
+    let boxed = prior.boxes.iter().zip(start).enumerate().filter_map(|(link, (b, phi))| Some((link, (*b)?, phi)));
+    let mut out = Vec::new();
+    for (link, own, phi) in boxed {
+        for row in own.moment_rows() {
+            let at_prior = row.dot(phi);
+            if !(at_prior > 0.0) {
+                return Err(IdentifyError::Numeric(format!("the prior of link {link} lies outside its box")));
+            }
+            out.push(Slab { link, row: row / at_prior });
+        }
+    }
+    Ok(out)
+}
+
 struct Problem {
     /// Mean of the prior's linear map, 10 n.
     start: DVector<f64>,
     /// Its covariance, (10 n)², and the part of second order.
     covariance: DMatrix<f64>,
     second_order: DMatrix<f64>,
-    references: Vec<Matrix4<f64>>,
+    limits: Limits,
     /// φ = start + root y keeps the total mass.
     root: DMatrix<f64>,
     /// y of a φ of that mass.
@@ -172,9 +202,8 @@ impl Problem {
         merged: &Factor,
         base: &BaseParameters,
         start: &DVector<f64>,
-        covariance: DMatrix<f64>,
-        second_order: DMatrix<f64>,
-        references: Vec<Matrix4<f64>>,
+        covariance: (DMatrix<f64>, DMatrix<f64>),
+        limits: Limits,
         options: &LinkOptions,
     ) -> Result<Self, IdentifyError> {
         // effects first, so that one triangularisation eliminates them
@@ -203,14 +232,14 @@ impl Problem {
         let s = options.row_variance.sqrt();
         let a = DMatrix::from_fn(p, p, |i, j| get(k + i, k + j)) / s;
         let b = DVector::from_fn(p, |i, _| get(k + i, k + p)) / s;
-        Self::of(start, (covariance, second_order), references, (a, b), base, options, effects)
+        Self::of(start, covariance, limits, (a, b), base, options, effects)
     }
 
     /// From the rows `a` of the base parameters with their right-hand side `b`.
     fn of(
         start: &DVector<f64>,
         (covariance, second_order): (DMatrix<f64>, DMatrix<f64>),
-        references: Vec<Matrix4<f64>>,
+        limits: Limits,
         (a, b): (DMatrix<f64>, DVector<f64>),
         base: &BaseParameters,
         options: &LinkOptions,
@@ -224,7 +253,7 @@ impl Problem {
             start: start.clone(),
             covariance,
             second_order,
-            references,
+            limits,
             root,
             back,
             by_base: a,
@@ -240,7 +269,7 @@ impl Problem {
     fn moved(&self, base: &BaseParameters, at: PriorAt, options: &LinkOptions) -> Result<Self, IdentifyError> {
         let evidence = (self.by_base.clone(), self.by_base_right.clone());
         let covariance = (at.covariance, at.second_order);
-        Self::of(&at.mean, covariance, self.references.clone(), evidence, base, options, self.effects.clone())
+        Self::of(&at.mean, covariance, self.limits.clone(), evidence, base, options, self.effects.clone())
     }
 
     fn phi(&self, y: &DVector<f64>) -> DVector<f64> {
@@ -251,11 +280,18 @@ impl Problem {
     fn value(&self, y: &DVector<f64>, mu: f64) -> f64 {
         let phi = self.phi(y);
         let mut divergence = 0.0;
-        for (j, reference) in self.references.iter().enumerate() {
+        for (j, reference) in self.limits.references.iter().enumerate() {
             let Some(cholesky) = pseudo_inertia(&block(&phi, j)).cholesky() else { return f64::INFINITY };
             let pseudo = pseudo_inertia(&block(&phi, j));
             let log_det: f64 = (0..4).map(|i| 2.0 * cholesky.l_dirty()[(i, i)].ln()).sum();
             divergence += (reference * pseudo).trace() - log_det;
+        }
+        for slab in &self.limits.slabs {
+            let t = slab.row.dot(&block(&phi, slab.link));
+            if !(t > 0.0) {
+                return f64::INFINITY;
+            }
+            divergence += t - t.ln();
         }
         0.5 * (&self.rows * y - &self.right).norm_squared()
             + 0.5 * self.prior_weight * y.norm_squared()
@@ -314,7 +350,7 @@ impl Problem {
         let response = &self.root * &inverse * self.root.transpose();
         let known = &self.root * (&inverse * bias * &inverse) * self.root.transpose();
         let covariance = &self.root * (&inverse * middle * &inverse) * self.root.transpose();
-        let n = self.references.len();
+        let n = self.limits.references.len();
         let phi_links: Vec<Phi> = (0..n).map(|j| block(&phi, j)).collect();
         let smallest = phi_links
             .iter()
@@ -395,8 +431,8 @@ impl Problem {
     /// Gradient of the divergence with respect to φ and its curvature, link by link.
     fn divergence(&self, phi: &DVector<f64>, basis: &[Matrix4<f64>; 10]) -> (DVector<f64>, Vec<SMatrix<f64, 10, 10>>) {
         let mut gradient = DVector::zeros(phi.len());
-        let mut blocks = Vec::with_capacity(self.references.len());
-        for (j, reference) in self.references.iter().enumerate() {
+        let mut blocks = Vec::with_capacity(self.limits.references.len());
+        for (j, reference) in self.limits.references.iter().enumerate() {
             // callers evaluate this only where every link is consistent
             let inverse = pseudo_inertia(&block(phi, j)).cholesky().map_or(*reference, |c| c.inverse());
             let difference = reference - inverse;
@@ -405,6 +441,12 @@ impl Problem {
                 gradient[10 * j + k] = difference.dot(&basis[k]);
             }
             blocks.push(SMatrix::from_fn(|a, b| products[a].dot(&products[b].transpose())));
+        }
+        for slab in &self.limits.slabs {
+            let t = slab.row.dot(&block(phi, slab.link));
+            let mut own = gradient.rows_mut(10 * slab.link, 10);
+            own += slab.row * (1.0 - 1.0 / t);
+            blocks[slab.link] += slab.row * slab.row.transpose() / (t * t);
         }
         (gradient, blocks)
     }

@@ -11,7 +11,7 @@
 
 use crate::IdentifyError;
 use aloft_body::subject::PriorSd;
-use aloft_body::{BaseParameters, LinkInertia, Model, Phi, Subject};
+use aloft_body::{BaseParameters, LinkBox, LinkInertia, Model, Phi, Subject};
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -63,6 +63,8 @@ pub struct LinkPrior {
     pub second_order: DMatrix<f64>,
     /// Covariance of the ten numbers of all links, (10 n)²; see the module's description.
     pub numbers: DMatrix<f64>,
+    /// For each link the box that holds its mass, if one is known; empty if none is.
+    pub boxes: Vec<Option<LinkBox>>,
 }
 
 /// A prior whose linear map is taken at other links than its own.
@@ -85,7 +87,9 @@ impl LinkPrior {
     /// # Errors
     /// As [`LinkPrior::new`].
     pub fn of_subject(subject: &Subject) -> Result<Self, IdentifyError> {
-        Self::new(&subject.prior, &subject.prior_sd, Symmetry::from_names(&subject.model).as_ref())
+        let symmetry = Symmetry::from_names(&subject.model);
+        let prior = Self::new(&subject.prior, &subject.prior_sd, symmetry.as_ref())?;
+        Ok(Self { boxes: subject.boxes.clone(), ..prior })
     }
 
     /// Prior of links with their standard deviations.
@@ -146,7 +150,7 @@ impl LinkPrior {
             block += own;
             second_order.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&own);
         }
-        Ok(Self { links: links.to_vec(), mean, covariance, second_order, numbers })
+        Ok(Self { links: links.to_vec(), mean, covariance, second_order, numbers, boxes: Vec::new() })
     }
 
     /// The same prior in base parameters.

@@ -482,6 +482,7 @@ pub(crate) mod tests {
             provenance: Vec::new(),
             model,
             estimated: None,
+            boxes: Vec::new(),
         };
         (subject, trial)
     }

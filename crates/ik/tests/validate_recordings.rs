@@ -84,6 +84,7 @@ fn validate_chain_residuals_are_the_marker_noise() {
         provenance: Vec::new(),
         model,
         estimated: None,
+        boxes: Vec::new(),
     };
     for throws in ["throws_01", "throws_03"] {
         let trial = trial(&folder.join(format!("{throws}.c3d")), None);

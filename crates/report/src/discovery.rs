@@ -6,9 +6,10 @@ use super::candidates;
 use super::commands::command;
 use super::joints;
 use super::ladder;
-use super::place_errors::{asked, effects};
+use super::place_errors::{asked, effects, judged_place};
 use super::story::Story;
 use super::wording::{card, number};
+use aloft_analysis::held_out::HeldOutError;
 use aloft_discover::{Discovery, Verdict};
 use aloft_page::{Block, Chapter, Light, Section};
 
@@ -18,8 +19,9 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     let last = story.discoveries.len();
     for (i, (revision, d)) in story.discoveries.iter().enumerate() {
         let older = d.made_from != story.looked_at;
+        let after = &d.errors_after;
         let d = &d.answer;
-        sections.push(answer(story, *revision, d, last > 1, older));
+        sections.push(answer(story, *revision, d, after, last > 1, older));
         if i + 1 == last || last <= 2 {
             sections.push(candidates::ranking(d, &format!("-{revision}")));
             sections.extend(d.joints.as_ref().map(|j| joints::section(j, &format!("-{revision}"))));
@@ -88,7 +90,14 @@ pub fn verdict_word(v: Verdict) -> &'static str {
 }
 
 /// The answer for one revision of the model.
-fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, older: bool) -> Section {
+fn answer(
+    story: &Story<'_>,
+    revision: usize,
+    d: &Discovery,
+    errors_after: &[HeldOutError],
+    several: bool,
+    older: bool,
+) -> Section {
     let held = story.history.revisions.get(revision).map(|r| r.effects.join(", ")).filter(|e| !e.is_empty());
     let model = held.map_or_else(|| "the plain model".to_owned(), |e| format!("the model with {e}"));
     let present = story.history.revisions.last().map_or(0, |r| r.revision);
@@ -107,13 +116,22 @@ fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, olde
         let text = "Not up to date: `discover` used other results than this page. Run it again.";
         blocks.insert(0, Block::remark(Light::Poor, text));
     }
-    let share = 100.0 * d.held_out_error_of_weight;
+    // the numbers of the motion on which the answer is judged, as the ladder shows them
+    let row = story.history.revisions.get(revision);
+    let place = judged_place(Some(d), row);
+    let at_place = |all: &[HeldOutError]| all.iter().find(|e| Some(&e.judged_on) == place.as_ref()).cloned();
+    let before = row.and_then(|r| at_place(&r.errors));
+    let error_n = before.as_ref().map_or(d.held_out_error, |e| e.held_out_error);
+    let after_n = at_place(errors_after).map_or(d.held_out_error_after, |e| e.held_out_error);
+    let floor_n = before.as_ref().and_then(|e| e.noise_floor).unwrap_or(d.noise_floor);
+    let share = 100.0 * before.as_ref().and_then(|e| e.held_out_error_of_weight).unwrap_or(d.held_out_error_of_weight);
+    let motion = place.as_ref().map_or(String::new(), |p| format!(", in {p}"));
     let mut cards = vec![
         card("Verdict", verdict_word(d.verdict).to_owned(), d.effects.join(", "), judged),
         card(
             "Held-out error",
-            format!("{} N", number(d.held_out_error)),
-            format!("{share:.2} % of the weight"),
+            format!("{} N", number(error_n)),
+            format!("{share:.2} % of the weight{motion}"),
             Light::Neutral,
         ),
     ];
@@ -121,14 +139,14 @@ fn answer(story: &Story<'_>, revision: usize, d: &Discovery, several: bool, olde
         let names: Vec<&str> = d.found.iter().map(|f| f.key.as_str()).collect();
         cards.push(card(
             "With the effects found",
-            format!("{} N", number(d.held_out_error_after)),
+            format!("{} N", number(after_n)),
             format!("with {}", names.join(", ")),
             Light::Neutral,
         ));
     }
     cards.push(card(
         "Noise floor",
-        format!("{} N", number(d.noise_floor)),
+        format!("{} N", number(floor_n)),
         "the error of a perfect model on these recordings",
         Light::Neutral,
     ));

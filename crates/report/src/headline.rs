@@ -76,7 +76,17 @@ fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceE
     if let Some((stage, f)) = story.failures.first() {
         return format!("`{stage}` failed: {}.", f.problem.trim_end_matches('.'));
     }
+    let wrong = story.comparison.as_ref().and_then(|v| v.impulse_mass.as_ref()).filter(|m| m.wrong.is_some());
+    if let Some(mass) = wrong {
+        let (weighed, stated) = (number(mass.mass_kg), number(mass.stated_kg));
+        return format!(
+            "The plates weigh the body at {weighed} kg, and {stated} kg are stated: no error here can be trusted."
+        );
+    }
     let Some(first) = first else {
+        if !story.freshness.is_current() {
+            return "Nothing is compared yet: the run has not ended, or was interrupted.".to_owned();
+        }
         return "Nothing was compared: there is no flight, and no contact that plates measure as a whole.".to_owned();
     };
     let place = &first.place;
@@ -233,6 +243,7 @@ fn next(story: &Story<'_>) -> Fact {
     let held: Vec<&str> = effects(story).iter().map(String::as_str).collect();
     match step(view, asked(story), &held) {
         NextStep::Run => with("Bring the results up to date.", command(s, "run", None)),
+        NextStep::Correct(what) => with(&sentence_of(&what), command(s, "run", None)),
         NextStep::Discover { record: None } => with("Run `discover`.", command(s, "discover", None)),
         NextStep::Discover { record: Some(_) } => with(
             &format!("Record more flights: {}. Then ask what is missing; these can be asked already.", motion(found)),

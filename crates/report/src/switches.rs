@@ -71,8 +71,12 @@ fn asked(session: &SubjectSession) -> Result<Value, PipelineError> {
         Verdict::Supported | Verdict::OneOf => format!("{}.", aloft_analysis::verdict::sentence(d)),
         _ => d.words.clone(),
     };
+    // asked of another model or of other results: its words are not about this one
+    let present = latest(session).is_some();
+    let words =
+        if present { words } else { format!("`discover` was asked before the model or its results changed: {words}") };
     // what removes a part of the error and is not shown to be the cause is not found
-    let sure = d.verdict != Verdict::Unexplained;
+    let sure = present && d.verdict != Verdict::Unexplained;
     let found: Vec<&String> = d.found.iter().filter(|_| sure).map(|f| &f.key).collect();
     Ok(json!({
         "verdict": d.verdict, "words": words, "effects": d.effects,

@@ -19,12 +19,49 @@ const REACH: usize = 3;
 pub fn check(log: &RobotLog, base: Option<&BaseLog>, model: &RobotModel) -> Result<Vec<String>, RobotError> {
     let mut remarks = Vec::new();
     missing(log, model, &mut remarks)?;
+    units(log, base.or(log.base.as_ref()))?;
     joints(log, model, &mut remarks)?;
     if let Some(base) = base.or(log.base.as_ref()) {
         rotation(log, base)?;
     }
     Ok(remarks)
 }
+
+/// Units of the accelerometer and of the base's position.
+fn units(log: &RobotLog, base: Option<&BaseLog>) -> Result<(), RobotError> {
+    if let Some(acc) = &log.acc {
+        let sizes: Vec<f64> = acc.iter().map(Vector3::norm).filter(|n| n.is_finite()).collect();
+        let near = |g: f64| sizes.iter().filter(|n| (*n / g - 1.0).abs() < 0.1).count() as f64 / sizes.len() as f64;
+        if near(1.0) > 0.2 && near(9.81) < 0.02 {
+            return Err(RobotError::log(
+                &log.file,
+                format!(
+                    "the accelerometer reads about 1 in {:.0} % of the rows and 9.81 in {:.0} %: in g, expected m/s²",
+                    100.0 * near(1.0),
+                    100.0 * near(9.81)
+                ),
+                "multiply its columns by 9.81",
+            ));
+        }
+    }
+    if let Some(base) = base {
+        let spans = (0..3).map(|k| spread(&base.position_m.iter().map(|p| p[k]).collect::<Vec<_>>()));
+        let span = spans.filter(|s| s.is_finite()).fold(0.0, f64::max);
+        if span > LARGEST_SPAN_M {
+            return Err(RobotError::log(
+                &base.file,
+                format!(
+                    "its positions span {span:.0}, expected at most {LARGEST_SPAN_M} m in one recording: millimetres?"
+                ),
+                "convert the columns to m",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Largest span of a base's position in one recording, m.
+const LARGEST_SPAN_M: f64 = 100.0;
 
 /// Share of missing values from which a joint is named.
 const OFTEN_MISSING: f64 = 0.1;
@@ -88,7 +125,22 @@ fn joints(log: &RobotLog, model: &RobotModel, remarks: &mut Vec<String>) -> Resu
                 ));
             }
         }
-        if log.dq[i].is_empty() || !moves(&by_position[i]) {
+        if log.dq[i].is_empty() {
+            continue;
+        }
+        if !moves(&by_position[i]) {
+            let fastest = log.dq[i].iter().filter(|x| x.is_finite()).fold(0.0, |a: f64, x| a.max(x.abs()));
+            let spread = spread(&log.q[i]);
+            if moves(&log.dq[i]) && spread < STUCK * fastest {
+                return Err(RobotError::log(
+                    &log.file,
+                    format!(
+                        "the position of the joint `{name}` stays within {spread:.1e} while its rate reaches {fastest:.1} per second: \
+                         expected a position that follows"
+                    ),
+                    "the encoder is stuck, or the column holds something else; leave the recording out",
+                ));
+            }
             continue;
         }
         let (r, slope) = agreement(&by_position[i], &log.dq[i]);
@@ -137,6 +189,15 @@ fn joints(log: &RobotLog, model: &RobotModel, remarks: &mut Vec<String>) -> Resu
         }
     }
     Ok(())
+}
+
+/// Range of a position, s times the largest rate, below which it does not follow that rate.
+const STUCK: f64 = 0.01;
+
+/// Largest less smallest known value.
+fn spread(x: &[f64]) -> f64 {
+    let known = || x.iter().filter(|v| v.is_finite());
+    known().fold(f64::NEG_INFINITY, |a, v| a.max(*v)) - known().fold(f64::INFINITY, |a, v| a.min(*v))
 }
 
 fn degrees(log: &RobotLog, joint: &str, evidence: String) -> RobotError {
@@ -238,8 +299,15 @@ fn middle_norm<'v>(values: impl Iterator<Item = &'v Vector3<f64>>) -> f64 {
 /// Root mean square difference of gyroscope and base's rotation, relative to the gyroscope's.
 fn misfit(log: &RobotLog, gyro: &[Vector3<f64>], turned: &[(f64, Vector3<f64>)], offset: f64) -> f64 {
     let (mut difference, mut size) = (0.0, 0.0);
+    let mut steps: Vec<f64> = log.time_s.windows(2).map(|w| w[1] - w[0]).collect();
+    let usual = aloft_signal::median(&mut steps);
     for (t, rate) in turned {
         let at = log.time_s.partition_point(|x| *x < t - offset);
+        // in a gap of the log the next sample is of another instant
+        let near = log.time_s.get(at).is_some_and(|next| next - (t - offset) <= 1.5 * usual);
+        if !near {
+            continue;
+        }
         let Some(g) = gyro.get(at).filter(|g| g.norm().is_finite() && at > 0) else { continue };
         difference += (rate - g).norm_squared();
         size += g.norm_squared();

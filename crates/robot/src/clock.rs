@@ -67,40 +67,78 @@ pub fn rough_offset(log: &RobotLog, base: &BaseLog) -> Option<RoughOffset> {
     if fastest < AT_REST_RAD_S {
         return None;
     }
+    if (last.0 - first.0).max(base_last.0 - base_first.0) > LONGEST_S {
+        return None;
+    }
     let n = ((last.0 - first.0) * RATE_HZ) as usize;
     let m = ((base_last.0 - base_first.0) * RATE_HZ) as usize;
     let x = on_grid(&of_log, first.0, n);
     let y = on_grid(&of_base, base_first.0, m);
-    let least = (0.4 * n.min(m) as f64) as usize;
-    // `lag`: how many steps later in its own recording the base shows the same instant
-    let mut best: Option<(f64, i64)> = None;
-    let score = |lag: i64| {
-        let (mut count, mut sx, mut sy, mut sxx, mut syy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        for (i, a) in x.iter().enumerate() {
-            let Some(b) = usize::try_from(i as i64 + lag).ok().and_then(|j| y.get(j)) else { continue };
-            if a.is_nan() || b.is_nan() {
-                continue;
-            }
-            count += 1.0;
-            sx += a;
-            sy += b;
-            sxx += a * a;
-            syy += b * b;
-            sxy += a * b;
+    // long recordings are first compared on means of several steps, then closely about the best
+    let by = n.max(m).div_ceil(MOST_STEPS).max(1);
+    let all = -(n as i64)..m as i64;
+    let lags = match by {
+        1 => all,
+        _ => {
+            let (x, y) = (means(&x, by), means(&y, by));
+            let (_, lag) = best_lag(&x, &y, -(x.len() as i64)..y.len() as i64)?;
+            let (middle, reach) = (lag * by as i64, 2 * by as i64);
+            all.start.max(middle - reach)..all.end.min(middle + reach)
         }
-        let spread = (sxx - sx * sx / count) * (syy - sy * sy / count);
-        if count < least.max(20) as f64 || spread <= 0.0 { f64::NAN } else { (sxy - sx * sy / count) / spread.sqrt() }
     };
-    for lag in -(n as i64)..m as i64 {
-        let r = score(lag);
+    let (correlation, lag) = best_lag(&x, &y, lags)?;
+    // a parabola through the neighbours: a fraction of a step
+    let (before, after) = (score(&x, &y, lag - 1), score(&x, &y, lag + 1));
+    let bend = before - 2.0 * correlation + after;
+    let part = if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+    Some(RoughOffset { offset_s: base_first.0 - first.0 + (lag as f64 + part) / RATE_HZ, correlation })
+}
+
+/// Longest recording whose clock is sought, s.
+const LONGEST_S: f64 = 86_400.0;
+/// Most steps that are compared at every lag.
+const MOST_STEPS: usize = 8000;
+
+/// Means of groups of `by` values; NaN where more than half of a group is not known.
+fn means(x: &[f64], by: usize) -> Vec<f64> {
+    x.chunks(by)
+        .map(|c| {
+            let known = c.iter().filter(|v| !v.is_nan());
+            let n = known.clone().count();
+            if 2 * n < by { f64::NAN } else { known.sum::<f64>() / n as f64 }
+        })
+        .collect()
+}
+
+/// The lag with the largest correlation above the least that counts; of equal ones the first.
+fn best_lag(x: &[f64], y: &[f64], lags: std::ops::Range<i64>) -> Option<(f64, i64)> {
+    let mut best: Option<(f64, i64)> = None;
+    for lag in lags {
+        let r = score(x, y, lag);
         if r > best.map_or(LEAST_CORRELATION, |b| b.0) {
             best = Some((r, lag));
         }
     }
-    let (correlation, lag) = best?;
-    // a parabola through the neighbours: a fraction of a step
-    let (before, after) = (score(lag - 1), score(lag + 1));
-    let bend = before - 2.0 * correlation + after;
-    let part = if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-    Some(RoughOffset { offset_s: base_first.0 - first.0 + (lag as f64 + part) / RATE_HZ, correlation })
+    best
+}
+
+/// Correlation of two series where the second shows the same instant `lag` steps later; NaN if they
+/// overlap too little.
+fn score(x: &[f64], y: &[f64], lag: i64) -> f64 {
+    let least = (0.4 * x.len().min(y.len()) as f64) as usize;
+    let (mut count, mut sx, mut sy, mut sxx, mut syy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    for (i, a) in x.iter().enumerate() {
+        let Some(b) = usize::try_from(i as i64 + lag).ok().and_then(|j| y.get(j)) else { continue };
+        if a.is_nan() || b.is_nan() {
+            continue;
+        }
+        count += 1.0;
+        sx += a;
+        sy += b;
+        sxx += a * a;
+        syy += b * b;
+        sxy += a * b;
+    }
+    let spread = (sxx - sx * sx / count) * (syy - sy * sy / count);
+    if count < least.max(20) as f64 || spread <= 0.0 { f64::NAN } else { (sxy - sx * sy / count) / spread.sqrt() }
 }

@@ -1,5 +1,6 @@
 //! Collision geometry of a model file as spheres that enclose it. Meshes are not read.
 
+use aloft_body::subject::LinkBox;
 use nalgebra::{Isometry3, Point3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -41,6 +42,23 @@ pub struct LinkSpheres {
 }
 
 impl Solid {
+    /// The box along the axes of the link that encloses the shape at a pose.
+    fn enclosed(&self, pose: &Isometry3<f64>) -> LinkBox {
+        let turn = pose.rotation.to_rotation_matrix();
+        let reach = Vector3::from_fn(|i, _| {
+            let row = turn.matrix().row(i);
+            match *self {
+                Self::Box(h) => (0..3).map(|k| row[k].abs() * h[k]).sum(),
+                Self::Sphere(r) => r,
+                Self::Capsule(r, half) => row[2].abs() * half + r,
+                Self::Cylinder(r, half) => row[2].abs() * half + r * (1.0 - row[2] * row[2]).max(0.0).sqrt(),
+                Self::Ellipsoid(h) => (0..3).map(|k| (row[k] * h[k]).powi(2)).sum::<f64>().sqrt(),
+            }
+        });
+        let centre = pose.translation.vector;
+        LinkBox { low_m: centre - reach, high_m: centre + reach }
+    }
+
     /// True for finite sizes of which none is negative.
     pub(crate) fn is_sound(&self) -> bool {
         let sizes = match *self {
@@ -133,6 +151,30 @@ pub(crate) fn link_spheres(
     (out, meshes)
 }
 
+/// The box about all collision geometry of each link of the model that has any; none for links
+/// with meshes, which are not read.
+pub(crate) fn link_boxes(shapes: &[Shape], home: &[(String, String, Isometry3<f64>)]) -> Vec<(String, LinkBox)> {
+    let mut out: Vec<(String, LinkBox)> = Vec::new();
+    let mut meshes: Vec<&str> = Vec::new();
+    for shape in shapes {
+        let Some((_, kept, pose)) = home.iter().find(|h| h.0 == shape.link) else { continue };
+        let Some(solid) = shape.solid else {
+            meshes.push(kept);
+            continue;
+        };
+        let own = solid.enclosed(&(pose * shape.pose));
+        match out.iter_mut().find(|l| l.0 == *kept) {
+            Some((_, all)) => {
+                all.low_m = all.low_m.inf(&own.low_m);
+                all.high_m = all.high_m.sup(&own.high_m);
+            }
+            None => out.push((kept.clone(), own)),
+        }
+    }
+    out.retain(|(link, _)| !meshes.contains(&link.as_str()));
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -155,6 +197,31 @@ mod tests {
             }
         }
         out
+    }
+
+    #[test]
+    fn boxes_enclose_their_shape_closely_at_any_pose() {
+        let pose = Isometry3::new(Vector3::new(0.1, -0.2, 0.3), Vector3::new(0.4, -0.9, 0.7));
+        for solid in [
+            Solid::Box(Vector3::new(0.05, 0.1, 0.25)),
+            Solid::Sphere(0.1),
+            Solid::Cylinder(0.04, 0.2),
+            Solid::Capsule(0.05, 0.15),
+            Solid::Ellipsoid(Vector3::new(0.05, 0.3, 0.1)),
+        ] {
+            let own = solid.enclosed(&pose);
+            let points: Vec<Vector3<f64>> =
+                surface(solid).into_iter().map(|p| (pose * Point3::from(p)).coords).collect();
+            let low = points.iter().fold(Vector3::repeat(f64::INFINITY), |a, p| a.inf(p));
+            let high = points.iter().fold(Vector3::repeat(f64::NEG_INFINITY), |a, p| a.sup(p));
+            for k in 0..3 {
+                let size = own.high_m[k] - own.low_m[k];
+                let (below, above) = (low[k] - own.low_m[k], own.high_m[k] - high[k]);
+                assert!(below > -1e-9 && above > -1e-9, "{solid:?}: axis {k} sticks out by {below} {above}");
+                // the surface is known at points, not at its corners
+                assert!(below < 0.2 * size && above < 0.2 * size, "{solid:?}: axis {k} {below} {above} of {size}");
+            }
+        }
     }
 
     #[test]

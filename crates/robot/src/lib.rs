@@ -43,5 +43,5 @@ pub use error::RobotError;
 pub use fuse::{FuseInput, FusionReport, fuse};
 pub use log::{BaseLog, RobotLog, unknown_contacts};
 pub use model::{Format, Merged, RobotJoint, RobotModel};
-pub use subject::{PriorSpread, subject};
+pub use subject::{InertiaLimits, PriorSpread, subject};
 pub use table::Columns;

@@ -66,6 +66,9 @@ fn named<'c>(columns: &'c Columns, patterns: &[&str], joint: &str) -> Option<&'c
     patterns.iter().find_map(|p| columns.get(&p.replace("{}", joint)))
 }
 
+/// Longest usual time between two rows of a log, s.
+const LONGEST_STEP_S: f64 = 0.1;
+
 fn time_of(columns: &Columns) -> Result<Vec<f64>, RobotError> {
     let found = TIME.iter().find_map(|(name, unit)| columns.get(name).map(|c| (*name, c, *unit)));
     let Some((name, values, unit)) = found else {
@@ -94,6 +97,18 @@ fn time_of(columns: &Columns) -> Result<Vec<f64>, RobotError> {
             &columns.file,
             format!("{} rows, expected 10 at least", values.len()),
             "record longer",
+        ));
+    }
+    let mut steps: Vec<f64> = values.windows(2).map(|w| (w[1] - w[0]) * unit).collect();
+    let step_s = aloft_signal::median(&mut steps);
+    if step_s > LONGEST_STEP_S {
+        return Err(RobotError::log(
+            &columns.file,
+            format!(
+                "`{name}` steps by {} from row to row, expected seconds with ten rows or more in each",
+                step_s / unit
+            ),
+            "name the column by its unit: time_s, time_ms, time_us or time_ns",
         ));
     }
     Ok(values.iter().map(|t| t * unit).collect())

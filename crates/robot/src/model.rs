@@ -3,9 +3,9 @@
 //! Links that are fixed to their parents are merged with them: no motion can tell them apart. What
 //! was merged is kept, so that identified inertias can be written back ([`crate::patch`]).
 
-use crate::collision::{LinkSpheres, Shape, Solid, link_spheres};
+use crate::collision::{LinkSpheres, Shape, Solid, link_boxes, link_spheres};
 use crate::{RobotError, mjcf};
-use aloft_body::{JointSpec, LinkInertia, LinkSpec, Model, ModelSpec};
+use aloft_body::{JointSpec, LinkBox, LinkInertia, LinkSpec, Model, ModelSpec};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -100,6 +100,9 @@ pub struct RobotModel {
     /// Spheres about the collision geometry of links that have some.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub collision: Vec<LinkSpheres>,
+    /// The box about all collision geometry of each link that has some and no mesh.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub boxes: Vec<(String, LinkBox)>,
     /// Links with collision meshes, which are not read.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub collision_meshes: Vec<String>,
@@ -203,8 +206,9 @@ impl Raw {
         }
         let spec = ModelSpec::new(self.spec.name, links);
         let (collision, collision_meshes) = link_spheres(&self.shapes, &home);
+        let boxes = link_boxes(&self.shapes, &home);
         let (file, joints, moved) = (file.to_owned(), self.joints, self.moved);
-        RobotModel { file, format, spec, joints, merged, moved, collision, collision_meshes }
+        RobotModel { file, format, spec, joints, merged, moved, collision, boxes, collision_meshes }
     }
 }
 

@@ -2,8 +2,10 @@
 //!
 //! Read are `sensor_msgs/JointState`, `sensor_msgs/Imu`, and for the base
 //! `geometry_msgs/PoseStamped`, `geometry_msgs/PoseWithCovarianceStamped` or `nav_msgs/Odometry`,
-//! in the encoding of ROS 2 (CDR) or of ROS 1. Times are those in the messages' headers, not those
-//! of logging. The log's rows are the joint states; the inertial unit is interpolated to them.
+//! in the encoding of ROS 2 (CDR) or of ROS 1; and for contact of the links that the description
+//! names `std_msgs/Bool`, `geometry_msgs/WrenchStamped` or `gazebo_msgs/ContactsState`. Times are
+//! those in the messages' headers, not those of logging (`Bool` has no header). The log's rows are
+//! the joint states; the inertial unit is interpolated to them, contact is the last that was said.
 
 use crate::mcap::{Channel, channels};
 use crate::{Columns, RobotError};
@@ -23,11 +25,15 @@ pub struct Topics {
     /// Pose of the base.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub base: Option<String>,
+    /// Contact of a link, by the link's name in the model.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub contact: BTreeMap<String, String>,
 }
 
 const JOINTS: [&str; 1] = ["sensor_msgs/JointState"];
 const IMU: [&str; 1] = ["sensor_msgs/Imu"];
 const BASE: [&str; 3] = ["geometry_msgs/PoseStamped", "geometry_msgs/PoseWithCovarianceStamped", "nav_msgs/Odometry"];
+const CONTACT: [&str; 3] = ["std_msgs/Bool", "geometry_msgs/WrenchStamped", "gazebo_msgs/ContactsState"];
 /// Samples of the inertial unit further apart than this many usual intervals are a gap.
 const GAP: f64 = 2.5;
 
@@ -69,6 +75,16 @@ pub fn read(file: &str, bytes: &[u8], topics: &Topics) -> Result<(Columns, Optio
         for (k, name) in part.iter().chain(&rest).enumerate() {
             let column: Vec<f64> = values.iter().map(|v| v[k]).collect();
             table.push(((*name).to_owned(), interpolated(&at, &column, &times)));
+        }
+    }
+    for (link, topic) in &topics.contact {
+        if let Some(channel) = pick(file, &found, &CONTACT, Some(topic), "contact")? {
+            let (column, samples) = contact_of(file, channel, link)?;
+            let at: Vec<f64> = samples.keys().map(seconds).collect();
+            let values: Vec<f64> = samples.into_values().map(|[x]| x).collect();
+            // flags are often sent only where they change
+            let hold = if column.starts_with("force") { GAP * usual_step(&at) } else { f64::INFINITY };
+            table.push((column, last_said(&at, &values, &times, hold)));
         }
     }
     let base = base.map(|channel| {
@@ -142,6 +158,9 @@ fn pick<'c>(
     }
     Ok(chosen)
 }
+
+/// The type of messages that have no header.
+const NO_HEADER: &str = "std_msgs/Bool";
 
 /// Fields of a message in order.
 struct Message<'a> {
@@ -219,7 +238,7 @@ fn decoded<T>(
     let ros1 = channel.encoding == "ros1";
     let read = |(logged, bytes): &(u64, Vec<u8>)| -> Option<(i64, T)> {
         let mut message = Message::new(bytes, ros1)?;
-        let stamp = message.header()?;
+        let stamp = if kind(&channel.schema) == NO_HEADER { 0 } else { message.header()? };
         let time = if stamp == 0 { i64::try_from(*logged).ok()? } else { stamp };
         Some((time, of(&mut message)?))
     };
@@ -276,6 +295,35 @@ fn imu_sample(m: &mut Message<'_>) -> Option<[f64; 6]> {
     Some([x, y, z, a, b, c])
 }
 
+/// Contact of a link: the column of the log that holds it, and its samples. Forces are the size of
+/// the sensor's force, N; the others are 1 in contact and 0 without.
+fn contact_of(file: &str, channel: &Channel, link: &str) -> Result<(String, BTreeMap<i64, [f64; 1]>), RobotError> {
+    let flag = format!("contact_{link}");
+    match kind(&channel.schema).as_str() {
+        NO_HEADER => Ok((flag, vectors(file, channel, |m| Some([f64::from(u8::from(m.raw::<1>()? != [0]))]))?)),
+        "geometry_msgs/WrenchStamped" => {
+            let force = |m: &mut Message<'_>| m.floats::<3>().map(|f| [f.iter().map(|x| x * x).sum::<f64>().sqrt()]);
+            Ok((format!("force_z_{link}_n"), vectors(file, channel, force)?))
+        }
+        _ => Ok((flag, vectors(file, channel, |m| Some([f64::from(u8::from(m.integer()? > 0))]))?)),
+    }
+}
+
+/// Values at other times: the last one before, if it is no older than `hold_s`; else NaN.
+fn last_said(at: &[f64], values: &[f64], times: &[f64], hold_s: f64) -> Vec<f64> {
+    let one = |t: f64| {
+        let before = at.partition_point(|x| *x <= t).checked_sub(1)?;
+        (t - at[before] <= hold_s).then(|| values[before])
+    };
+    times.iter().map(|t| one(*t).unwrap_or(f64::NAN)).collect()
+}
+
+/// Median time between samples, s; zero for fewer than two.
+fn usual_step(at: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = at.windows(2).map(|w| w[1] - w[0]).collect();
+    if steps.is_empty() { 0.0 } else { aloft_signal::median(&mut steps) }
+}
+
 /// Position and quaternion x, y, z, w.
 fn pose(m: &mut Message<'_>, odometry: bool) -> Option<[f64; 7]> {
     if odometry {
@@ -286,8 +334,7 @@ fn pose(m: &mut Message<'_>, odometry: bool) -> Option<[f64; 7]> {
 
 /// Values at other times, linear between samples; NaN in gaps and outside.
 fn interpolated(at: &[f64], values: &[f64], times: &[f64]) -> Vec<f64> {
-    let mut steps: Vec<f64> = at.windows(2).map(|w| w[1] - w[0]).collect();
-    let usual = if steps.is_empty() { 0.0 } else { aloft_signal::median(&mut steps) };
+    let usual = usual_step(at);
     let one = |t: f64| -> Option<f64> {
         let after = at.partition_point(|x| *x < t);
         if at.get(after).is_some_and(|x| *x == t) {

@@ -1,7 +1,7 @@
 //! A robot's model as the [`Subject`] that all later stages use.
 
 use crate::{RobotDescription, RobotError, RobotModel};
-use aloft_body::subject::PriorSd;
+use aloft_body::subject::{LinkBox, PriorSd};
 use aloft_body::{LinkInertia, Model, ModelMarker, PersonFacts, Subject};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -42,6 +42,16 @@ pub fn subject(
             format!("its root is the link `{root}`, and the description names `{base}` as base: they must be the same"),
         ));
     }
+    if let Some(link) = description.imu.as_ref().and_then(|i| i.link.as_ref())
+        && !model.links.iter().any(|l| l.name == *link)
+    {
+        return Err(RobotError::model(
+            &robot.file,
+            format!(
+                "the inertial unit is on the link `{link}`, which is not in the model (`imu: {{link: …}}` in the description)"
+            ),
+        ));
+    }
     let scale = facts.mass_kg / robot.mass_kg();
     let prior: Vec<LinkInertia> = robot
         .spec
@@ -73,5 +83,37 @@ pub fn subject(
         facts,
         model,
         estimated: None,
+        boxes: Vec::new(),
     })
 }
+
+/// Boxes about the collision geometry of a robot's links, wider by a margin (m) on every side, as
+/// limits for their inertias.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct InertiaLimits {
+    /// In the order of the model's links; none for links without collision geometry, with a mesh,
+    /// or whose inertia in the model file does not fit.
+    pub boxes: Vec<Option<LinkBox>>,
+    /// Links whose inertia in the model file does not fit into their box.
+    pub do_not_fit: Vec<String>,
+}
+
+impl InertiaLimits {
+    /// For the links of a subject made by [`subject`] from the same model.
+    pub fn of(robot: &RobotModel, subject: &Subject, margin_m: f64) -> Self {
+        let mut out = Self::default();
+        for (link, inertia) in subject.model.links.iter().zip(&subject.prior) {
+            let own = robot.boxes.iter().find(|b| b.0 == link.name).map(|b| b.1.widened(margin_m));
+            let fits = own.filter(|b| b.room(&inertia.to_phi()) > LEAST_ROOM);
+            if own.is_some() && fits.is_none() {
+                out.do_not_fit.push(link.name.clone());
+            }
+            out.boxes.push(fits);
+        }
+        out
+    }
+}
+
+/// Least room ([`LinkBox::room`]) of an inertia that fits: a hundredth of that of a point mass in the
+/// middle.
+const LEAST_ROOM: f64 = 0.01;

@@ -62,23 +62,107 @@ fn files_of_other_writers_hold_what_the_csv_holds() {
     }
 }
 
-/// A file of channels without messages but for one of four bytes, and without an index.
+/// A file of channels with one message of four bytes each, and without an index.
 fn written(channels: &[(&str, &str, &str)]) -> Vec<u8> {
+    let all: Vec<Written> = channels.iter().map(|c| (c.0, c.1, c.2, vec![(0, vec![0, 1, 0, 0])])).collect();
+    with_messages(&all)
+}
+
+/// Topic, type, encoding, and messages: time of logging, ns, and bytes.
+type Written<'a> = (&'a str, &'a str, &'a str, Vec<(u64, Vec<u8>)>);
+
+fn with_messages(channels: &[Written]) -> Vec<u8> {
     let text = |s: &str| [&(s.len() as u32).to_le_bytes()[..], s.as_bytes()].concat();
     let record = |op: u8, body: Vec<u8>| [&[op][..], &(body.len() as u64).to_le_bytes(), &body].concat();
     let magic = *b"\x89MCAP0\r\n";
     let mut out = magic.to_vec();
     out.extend(record(1, [text("ros2"), text("test")].concat()));
-    for (i, (topic, schema, encoding)) in channels.iter().enumerate() {
+    for (i, (topic, schema, encoding, messages)) in channels.iter().enumerate() {
         let id = (i as u16 + 1).to_le_bytes();
         out.extend(record(3, [&id[..], &text(schema), &text("ros2msg"), &[0; 4]].concat()));
         out.extend(record(4, [&id[..], &id, &text(topic), &text(encoding), &[0; 4]].concat()));
-        out.extend(record(5, [&id[..], &[0; 20], &[0, 1, 0, 0]].concat()));
+        for (time, bytes) in messages {
+            out.extend(record(5, [&id[..], &[0; 4], &time.to_le_bytes(), &[0; 8], bytes].concat()));
+        }
     }
     out.extend(record(15, vec![0; 4]));
     out.extend(record(2, vec![0; 20]));
     out.extend(magic);
     out
+}
+
+/// A message in the encoding of ROS 2.
+#[derive(Default)]
+struct Cdr(Vec<u8>);
+
+impl Cdr {
+    fn put(mut self, bytes: &[u8]) -> Self {
+        self.0.resize(self.0.len().next_multiple_of(bytes.len()), 0);
+        self.0.extend(bytes);
+        self
+    }
+    fn integer(self, n: u32) -> Self {
+        self.put(&n.to_le_bytes())
+    }
+    fn text(self, s: &str) -> Self {
+        let mut own = self.integer(s.len() as u32 + 1);
+        own.0.extend(s.bytes().chain([0]));
+        own
+    }
+    fn floats(self, x: &[f64]) -> Self {
+        x.iter().fold(self, |m, x| m.put(&x.to_le_bytes()))
+    }
+    fn header(self, time_ns: u64) -> Self {
+        self.integer((time_ns / 1_000_000_000) as u32).integer((time_ns % 1_000_000_000) as u32).text("sole")
+    }
+    fn done(self) -> Vec<u8> {
+        [vec![0, 1, 0, 0], self.0].concat()
+    }
+}
+
+/// Contact comes from the topics that the description names: flags hold until the next one, forces
+/// for a few of their intervals; other topics of the same types are not read.
+#[test]
+fn contact_comes_from_the_topics_that_are_named() {
+    const MS: u64 = 1_000_000;
+    let joints = (0..100).map(|i: u64| {
+        let lists = |m: Cdr| m.integer(1).floats(&[0.01 * i as f64]).integer(0).integer(0);
+        (i * 10 * MS, lists(Cdr::default().header(i * 10 * MS).integer(1).text("knee")).done())
+    });
+    let flags = [(205, 1), (505, 0)].map(|(ms, on)| (ms * MS, Cdr::default().put(&[on]).done()));
+    let forces = (0..50).filter(|i| !(20..30).contains(i)).map(|i: u64| {
+        let wrench = Cdr::default().header(i * 20 * MS).floats(&[3.0, 0.0, -4.0, 0.0, 0.0, 0.0]);
+        (0, wrench.done())
+    });
+    let touching = [(0, 0), (300, 2)].map(|(ms, n)| (0, Cdr::default().header(ms * MS).integer(n).done()));
+    let channels: Vec<Written> = vec![
+        ("/joint_states", "sensor_msgs/msg/JointState", "cdr", joints.collect()),
+        ("/left", "std_msgs/msg/Bool", "cdr", flags.to_vec()),
+        ("/lights", "std_msgs/msg/Bool", "cdr", flags.to_vec()),
+        ("/right", "geometry_msgs/msg/WrenchStamped", "cdr", forces.collect()),
+        ("/hand", "gazebo_msgs/msg/ContactsState", "cdr", touching.to_vec()),
+    ];
+    let topic = |(link, topic): (&str, &str)| (link.to_owned(), topic.to_owned());
+    let contact = [("l_foot", "/left"), ("r_foot", "/right"), ("hand", "/hand")].map(topic).into();
+    let bytes = with_messages(&channels);
+    let (log, _) = aloft_robot::ros::read("log.mcap", &bytes, &Topics { contact, ..Topics::default() }).unwrap();
+    let column = |name: &str| log.get(name).unwrap();
+    assert_eq!(column("time_s").len(), 100);
+    for i in 0..100 {
+        let ms = 10 * i;
+        let left = if ms < 205 { f64::NAN } else { f64::from(u8::from(ms < 505)) };
+        assert_eq!(column("contact_l_foot")[i].to_bits(), left.to_bits(), "{ms} ms");
+        // silent from 380 to 600 ms: held for two and a half intervals of 20 ms
+        let right = if (440..600).contains(&ms) { f64::NAN } else { 5.0 };
+        assert_eq!(column("force_z_r_foot_n")[i].to_bits(), right.to_bits(), "{ms} ms");
+        assert_eq!(column("contact_hand")[i], f64::from(u8::from(ms >= 300)), "{ms} ms");
+    }
+    let wrong = Topics { contact: [topic(("l_foot", "/joint_states"))].into(), ..Topics::default() };
+    let found = problem(&bytes, &wrong);
+    assert!(
+        found.contains("no messages of type std_msgs/Bool, geometry_msgs/WrenchStamped, gazebo_msgs/ContactsState on `/joint_states`"),
+        "{found}"
+    );
 }
 
 #[test]

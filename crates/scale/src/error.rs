@@ -2,6 +2,9 @@
 
 use aloft_body::BodyError;
 
+/// Largest distance between two markers of a person, or of their legs, m.
+pub(crate) const SPAN_M: [f64; 2] = [0.25, 4.0];
+
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -13,6 +16,19 @@ pub enum ScaleError {
         trial: String,
         #[doc(hidden)]
         problem: String,
+    },
+    /// The markers span what no body spans: the unit of the file is wrong.
+    #[error(
+        "{trial}: the markers span {span_m:.2e} m, expected {} to {} m for a person: the unit of the file is not what it states, or other \
+         points lie among the markers (`import: {{point_unit: m}}` overrides the unit)",
+        SPAN_M[0],
+        SPAN_M[1]
+    )]
+    Span {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        span_m: f64,
     },
     /// Required landmarks of the skeleton are missing.
     #[error("{trial}: {what} needs {need}; found {found}")]

@@ -3,6 +3,7 @@
 
 use crate::ScaleError;
 use crate::anthropometry::Anthropometry;
+use crate::error::SPAN_M;
 use crate::geometry::{apply_inverse, x_of, y_of, z_of};
 use crate::hip::HipMethod;
 use crate::landmarks::{Landmarks, Side};
@@ -62,6 +63,33 @@ pub struct Scaled {
     pub report: ScaleReport,
 }
 
+/// An error if the markers of the static pose span what no person spans.
+fn check_span(trial: &Trial, pose: &StaticPose) -> Result<(), ScaleError> {
+    let Some(frame) = pose.frames.get(pose.frames.len() / 2).copied() else { return Ok(()) };
+    let seen: Vec<Vector3<f64>> = trial
+        .markers
+        .trajectories
+        .iter()
+        .filter_map(|t| t.get(frame).copied())
+        .filter(|p| p.iter().all(|x| x.is_finite()))
+        .collect();
+    // a few markers may be far away: the span of all but the outermost ones on each axis
+    let span = |axis: usize| {
+        let mut x: Vec<f64> = seen.iter().map(|p| p[axis]).collect();
+        x.sort_by(f64::total_cmp);
+        let out = x.len() / 10;
+        x.get(x.len().saturating_sub(out + 1)).zip(x.get(out)).map_or(0.0, |(b, a)| b - a)
+    };
+    let span_m = (0..3).map(|k| span(k).powi(2)).sum::<f64>().sqrt();
+    if seen.len() >= FEWEST_SEEN && !(SPAN_M[0]..=SPAN_M[1]).contains(&span_m) {
+        return Err(ScaleError::Span { trial: trial.name.clone(), span_m });
+    }
+    Ok(())
+}
+
+/// Fewest markers from whose span the unit is judged.
+const FEWEST_SEEN: usize = 8;
+
 /// Scales a model to a person.
 ///
 /// Missing landmarks reduce accuracy but do not cause failure, except at the pelvis: joints fall
@@ -81,6 +109,7 @@ pub fn scale_person(
     check_facts(input.facts)?;
     let mut warnings = Vec::new();
     let pose = StaticPose::find(trial, input.frames.as_ref(), &options.quiet)?;
+    check_span(trial, &pose)?;
     let landmarks = Landmarks::read(trial, input.marker_set, &pose, &mut warnings);
     let skeleton = Builder {
         landmarks: &landmarks,
@@ -114,6 +143,7 @@ pub fn scale_person(
         .map(|m| EstimatedPoints { source: m.source.clone(), position_sd_m: m.position_sd_m });
     let mut subject = Subject {
         estimated,
+        boxes: Vec::new(),
         facts,
         model,
         markers,

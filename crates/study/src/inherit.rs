@@ -62,6 +62,13 @@ pub struct Whose<'a> {
 impl PipelineFile {
     /// Reads and checks a pipeline file.
     pub fn read(path: &Path) -> Result<Self, PipelineError> {
+        if path.is_dir() {
+            let folder = crate::quote::path(path);
+            return Err(PipelineError::request_hint(
+                format!("{} is a folder, expected a pipeline file", path.display()),
+                format!("for a folder of recordings write one with `aloft init {folder}`"),
+            ));
+        }
         let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
         let name = path.display().to_string();
         let config: PipelineConfig = ranges::parse(&name, &text)?;

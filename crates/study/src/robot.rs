@@ -1,6 +1,6 @@
 //! A robot as its description and its model file state it.
 
-use crate::config::RobotConfig;
+use crate::config::{InertiaLimit, RobotConfig};
 use crate::ranges::parse_yaml;
 use aloft_robot::{PriorSpread, RobotDescription, RobotModel};
 use aloft_trial::MarkerSet;
@@ -17,6 +17,9 @@ pub struct RobotSetup {
     pub model: RobotModel,
     /// Spread of the model's inertias.
     pub spread: PriorSpread,
+    /// Margin about the collision geometry inside which inertias are held, m; none if they are not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limits_margin_m: Option<f64>,
     /// Model files, as paths; the first is the one that `model` was read from. No part of a cache
     /// key.
     #[serde(skip)]
@@ -70,7 +73,11 @@ impl RobotSetup {
             }
         }
         let spread = PriorSpread { mass_rel: config.mass_rel, com_m: config.com_m, radius_rel: config.radius_rel };
-        Ok(Self { description, model, spread, files })
+        let limits_margin_m = match config.inertia_limits {
+            InertiaLimit::None => None,
+            InertiaLimit::Collision => Some(config.limits_margin_m),
+        };
+        Ok(Self { description, model, spread, limits_margin_m, files })
     }
 
     /// How the motion was measured, in words, for method sections.

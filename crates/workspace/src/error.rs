@@ -40,7 +40,12 @@ pub enum PipelineError {
     },
     /// A table of the workspace cannot be read or written.
     #[error("{}: {problem}", path.display())]
-    #[diagnostic(code(aloft::table), help("delete the file's folder and run again; the stage will be redone"))]
+    #[diagnostic(
+        code(aloft::table),
+        help(
+            "a table of the workspace is made again by `aloft verify` and `aloft run`; a recording must be exported again"
+        )
+    )]
     Table {
         /// Where.
         path: PathBuf,

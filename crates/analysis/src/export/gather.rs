@@ -1,8 +1,9 @@
 //! Converts the results in a workspace into the input of the export formats.
 
+use crate::compare::compare;
 use crate::parameters::parameters;
 use aloft_body::{LinkInertia, Subject};
-use aloft_compare::measured_wrench;
+use aloft_compare::{Signal, measured_wrench};
 use aloft_export::{
     Convention, FileCoordinates, InertiaSource, OsimFile, PlateAtFrames, RobotFile, SourceFile, SubjectExport,
     TrialExport,
@@ -103,13 +104,16 @@ fn file_coordinates(
 /// How inertias were identified, for a comment in a model file.
 fn provenance(session: &SubjectSession, source: &InertiaSource) -> String {
     let mut provenance = format!("Inertials identified by {} from motion in flight.\n", program());
-    if let (InertiaSource::Identified { rows, .. }, Ok(found)) = (source, parameters(session, None)) {
+    if let (InertiaSource::Identified { rows, remarks, .. }, Ok(found)) = (source, parameters(session, None)) {
         let p = &found.parameters;
         provenance += &format!(
             "     {} flights of {} recordings, {rows} rows, total mass {} kg from a scale, prior: the same file.\n     \
              Each link: mass in kg and centre of mass in m, with half widths of 95 % intervals.\n",
             p.n_stretches, p.n_trials, p.mass_kg
         );
+        for remark in remarks {
+            provenance += &format!("     CAUTION: {remark}.\n");
+        }
         for link in &p.links {
             let half = |ci: Option<[f64; 2]>, digits: usize| {
                 ci.map_or(String::new(), |ci| format!(" ± {:.digits$}", 0.5 * (ci[1] - ci[0])))
@@ -144,12 +148,29 @@ fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, I
     if found.parameters.links.len() != subject.model.n_links() {
         return prior("the identification gave base parameters but no links".to_owned());
     }
+    let errors = compare(session).map(|view| view.errors).unwrap_or_default();
+    let in_flight = errors.iter().find(|e| e.judged_on == "flight");
+    if let Some((own_n, tables_n)) = in_flight.and_then(|e| Some((e.held_out_error, e.tables_error?)))
+        && own_n >= tables_n
+    {
+        return prior(format!(
+            "on held-out flights the identified body errs by {own_n:.3} N, no less than the one that it was to replace, {tables_n:.3} N"
+        ));
+    }
+    let poor = errors.iter().filter(|e| e.signal == Signal::Poor).filter_map(|e| {
+        let times = e.times_floor?;
+        Some(format!(
+            "the held-out error in {} is {times:.1} times its noise floor: something is missing in the model, and the inertias answer for it (`aloft discover`)",
+            e.judged_on
+        ))
+    });
+    let poor: Vec<String> = poor.collect();
     let links = found.parameters.links.iter().map(aloft_identify::LinkEstimate::inertia).collect();
     let named = |l: &aloft_identify::LinkEstimate| {
         Some(l.from.from_table()).filter(|values| !values.is_empty()).map(|values| format!("{}: {values}", l.name))
     };
     let from_table = found.parameters.links.iter().filter_map(named).collect();
-    let (rows, remarks) = (found.rows_used.to_owned(), gate.reasons.clone());
+    let (rows, remarks) = (found.rows_used.to_owned(), [poor, gate.reasons.clone()].concat());
     (links, InertiaSource::Identified { rows, remarks, from_table })
 }
 

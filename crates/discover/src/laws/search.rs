@@ -419,7 +419,13 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> Found
     }
 }
 
-/// Coordinates of the point in the link with their intervals; empty where they are given.
+/// Share of a link's axis along the force from which on a point's coordinate on it is not
+/// determined.
+const ALONG: f64 = 0.9;
+
+/// Coordinates of the point in the link with their intervals; empty where they are given. A point can
+/// be moved along its force: the coordinate along it has no interval, and its value is that of the
+/// point of the line nearest to the centre of mass.
 fn point_of(law: &Law, values: &[f64], fitted: &[Estimate]) -> Vec<Estimate> {
     match law.point_is {
         PointIs::Given => Vec::new(),
@@ -427,9 +433,11 @@ fn point_of(law: &Law, values: &[f64], fitted: &[Estimate]) -> Vec<Estimate> {
         PointIs::OnPlane(axes) => {
             let (point, _, _) = law.divided(values);
             let freedom = fitted[0].freedom.min(fitted[1].freedom);
+            let along = axes[0].cross(&axes[1]);
             (0..3)
                 .map(|k| {
-                    let se = (axes[0][k] * fitted[0].se).hypot(axes[1][k] * fitted[1].se);
+                    let across = (axes[0][k] * fitted[0].se).hypot(axes[1][k] * fitted[1].se);
+                    let se = if along[k].abs() > ALONG { f64::NAN } else { across };
                     let name = format!("point_{}", ["x", "y", "z"][k]);
                     Estimate { name, value: point[k], ..fitted[0].clone() }.with_error(se, freedom)
                 })

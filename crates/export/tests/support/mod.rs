@@ -79,6 +79,7 @@ pub fn subject(convention: Convention) -> SubjectExport {
         provenance: Vec::new(),
         model,
         estimated: None,
+        boxes: Vec::new(),
     };
     let source = InertiaSource::Identified {
         rows: "weak".into(),

@@ -28,6 +28,7 @@ fn subject(name: &str, spec: &ModelSpec, markers: Vec<ModelMarker>) -> Subject {
         provenance: Vec::new(),
         model,
         estimated: None,
+        boxes: Vec::new(),
     }
 }
 

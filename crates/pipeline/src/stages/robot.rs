@@ -10,7 +10,7 @@ use aloft_compare::PoseErrors;
 use aloft_robot::markers::{BaseFromMarkers, LinkMarker, MarkerRecording, PoseNoise, base_from_markers, compare_links};
 use aloft_robot::noise::SensorErrors;
 use aloft_robot::{
-    BaseLog, Columns, FuseInput, FusionReport, RobotError, RobotLog, check, fuse, ros, unknown_contacts,
+    BaseLog, Columns, FuseInput, FusionReport, InertiaLimits, RobotError, RobotLog, check, fuse, ros, unknown_contacts,
 };
 use aloft_study::config::ImportConfig;
 use aloft_study::facts::Facts;
@@ -44,7 +44,11 @@ pub(crate) fn failed(error: &RobotError) -> StageFailure {
 fn columns(file: &Path) -> Result<Columns, StageFailure> {
     let shown = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("parquet")) {
-        return Columns::of(&shown, read_numbers(file)?.into_columns()).map_err(|e| failed(&e));
+        let table = read_numbers(file).map_err(|e| {
+            let hint = "Parquet is read without compression or with snappy; write the file again, or as CSV";
+            StageFailure::with_hint(e.to_string(), hint).because(QcReason::UnreadableFile)
+        })?;
+        return Columns::of(&shown, table.into_columns()).map_err(|e| failed(&e));
     }
     let bytes = std::fs::read(file).map_err(PipelineError::io("read", file))?;
     Columns::from_csv(&shown, &bytes).map_err(|e| failed(&e))
@@ -253,7 +257,7 @@ pub fn import(
 
 /// `scale`: the model file as the subject.
 pub fn scale(robot: &RobotSetup, facts: &Facts, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
-    let subject =
+    let mut subject =
         aloft_robot::subject(&robot.model, &robot.description, facts.person.clone(), facts.gravity(), robot.spread)
             .map_err(|e| failed(&e))?;
     let ratio = robot.model.mass_kg() / facts.person.mass_kg;
@@ -268,9 +272,31 @@ pub fn scale(robot: &RobotSetup, facts: &Facts, inputs: &StageInputs<'_>) -> Res
             "`total_mass_kg` is the mass of the whole robot in kg, as it flew; the model's masses are in kg, too",
         ));
     }
+    let mut done = StageReport::default();
+    if let Some(margin_m) = robot.limits_margin_m {
+        let limits = InertiaLimits::of(&robot.model, &subject, margin_m);
+        let limited = limits.boxes.iter().flatten().count();
+        done.note("links_with_limits", limited);
+        subject.provenance.push(format!(
+            "inertias of {limited} links are held inside the box about their collision geometry and a margin of {margin_m} m"
+        ));
+        if !limits.do_not_fit.is_empty() {
+            done.warnings.push(format!(
+                "the inertia in {} does not fit into the collision geometry of {}: no limit is set there",
+                robot.model.file,
+                limits.do_not_fit.join(", ")
+            ));
+        }
+        if limited == 0 {
+            done.warnings.push(format!(
+                "`inertia_limits: collision` has no effect: no link of {} has a limit (meshes are not read)",
+                robot.model.file
+            ));
+        }
+        subject.boxes = limits.boxes;
+    }
     save_subject(inputs, &subject)?;
     write_json(&inputs.out.join("locked.json"), &Vec::<usize>::new())?;
-    let mut done = StageReport::default();
     done.note("links", subject.model.n_links());
     done.note("joints", robot.model.joints.len());
     done.note("model_mass_kg", robot.model.mass_kg());

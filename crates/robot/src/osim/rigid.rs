@@ -183,6 +183,7 @@ impl RigidTree {
             facts,
             model,
             estimated: None,
+            boxes: Vec::new(),
         }
     }
 

@@ -123,5 +123,6 @@ pub(super) fn name_frames(links: &Links<'_>, bundle: &Bundle, input: &ObjectInpu
             "prior: size of each link's markers and joints".into(),
         ],
         estimated: None,
+        boxes: Vec::new(),
     })
 }

@@ -241,6 +241,16 @@ FlightConfig {
     margin_s: f64 = 0.07,
 }}
 
+/// What a link's inertia must fit into.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum InertiaLimit {
+    /// Nothing: any mass distribution of positive density.
+    None,
+    /// The box about the link's collision geometry in the model file.
+    Collision,
+}
+
 section! {
 /// A robot: its description, and how far its model's inertias may be from the truth.
 RobotConfig {
@@ -257,6 +267,13 @@ RobotConfig {
     /// of inertias).
     #[schemars(range(min = 0.001, max = 2.0))]
     radius_rel: f64 = 0.12,
+    /// What a link's identified inertia must fit into. With `collision`, no mass is put outside the
+    /// box about a link's collision geometry (boxes, cylinders, spheres, capsules, ellipsoids; links
+    /// with meshes have no limit).
+    inertia_limits: InertiaLimit = InertiaLimit::None,
+    /// Margin about the collision geometry, each side, m.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    limits_margin_m: f64 = 0.01,
     /// Number of flights that `parameters --assess` plans.
     #[schemars(range(min = 1, max = 24))]
     next_flights: usize = 3,
