@@ -1,6 +1,6 @@
 //! A robot: from logs and a model file with wrong inertias to the same file with identified ones.
 
-use crate::support::{expect, folder, json, repo};
+use crate::support::{expect, folder, json, repo, unwrapped};
 use std::fs;
 use std::io::Read as _;
 use std::path::Path;
@@ -113,22 +113,156 @@ fn a_log_without_a_joint_fails_with_one_line_that_names_it() {
     assert!(!told.is_empty() && told[0].contains("throw_01_robot.csv"), "{told:?}");
 }
 
-/// Multiplies the measured torques of a recording, unpacked.
-fn torques_times(data: &Path, trial: &str, factor: f64) {
+/// Changes the values of a recording's log, which is written unpacked: `change` gets the column and
+/// the value.
+fn log_changed(data: &Path, trial: &str, change: &dyn Fn(&str, f64) -> f64) {
     let packed = data.join(format!("{trial}_robot.csv.gz"));
     let mut text = String::new();
     let bytes = fs::read(&packed).unwrap();
     flate2::read::GzDecoder::new(bytes.as_slice()).read_to_string(&mut text).unwrap();
+    fs::remove_file(&packed).unwrap();
+    fs::write(data.join(format!("{trial}_robot.csv")), changed(&text, change)).unwrap();
+}
+
+/// The same for the recording of the base.
+fn base_changed(data: &Path, trial: &str, change: &dyn Fn(&str, f64) -> f64) {
+    let file = data.join(format!("{trial}_base.csv"));
+    fs::write(&file, changed(&fs::read_to_string(&file).unwrap(), change)).unwrap();
+}
+
+fn changed(text: &str, change: &dyn Fn(&str, f64) -> f64) -> String {
     let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
     let rows = text.lines().enumerate().map(|(i, line)| {
         let fields = line.split(',').zip(&head).map(|(f, name)| match f.parse::<f64>() {
-            Ok(x) if i > 0 && name.starts_with("tau") => format!("{:.6}", x * factor),
+            Ok(x) if i > 0 => {
+                let y = change(name, x);
+                if y == x { f.to_owned() } else { format!("{y:.9}") }
+            }
             _ => f.to_owned(),
         });
         fields.collect::<Vec<_>>().join(",") + "\n"
     });
-    fs::remove_file(&packed).unwrap();
-    fs::write(data.join(format!("{trial}_robot.csv")), rows.collect::<String>()).unwrap();
+    rows.collect()
+}
+
+/// Multiplies the measured torques of a recording.
+fn torques_times(data: &Path, trial: &str, factor: f64) {
+    log_changed(data, trial, &|name, x| if name.starts_with("tau") { x * factor } else { x });
+}
+
+/// Each fault is one line that names file, what was found and what was expected; the other recording
+/// goes on.
+#[test]
+fn units_and_a_stuck_encoder_are_named() {
+    type Fault = Box<dyn Fn(&Path)>;
+    let log = |change: &'static dyn Fn(&str, f64) -> f64| -> Fault {
+        Box::new(move |data: &Path| log_changed(data, "throw_01", change))
+    };
+    let base = |change: &'static dyn Fn(&str, f64) -> f64| -> Fault {
+        Box::new(move |data: &Path| base_changed(data, "throw_01", change))
+    };
+    for (fault, expected) in [
+        (log(&|n, x| if n == "time_s" { 1e3 * x } else { x }), "`time_s` steps by 4 from row to row, expected seconds"),
+        (log(&|n, x| if n == "time_s" { 1e9 * x } else { x }), "from row to row, expected seconds"),
+        (base(&|n, x| if n == "time_s" { 1e3 * x } else { x }), "throw_01_base.csv: `time_s` steps by"),
+        (
+            log(&|n, x| if n == "q_l_elbow_rad" { 0.3 } else { x }),
+            "the position of the joint `l_elbow` stays within 0.0e0 while its rate reaches",
+        ),
+        (log(&|n, x| if n.starts_with("acc_") { x / 9.81 } else { x }), "in g, expected m/s²"),
+        (
+            base(&|n, x| if n.ends_with("_m") { 1e3 * x } else { x }),
+            "expected at most 100 m in one recording: millimetres?",
+        ),
+    ] {
+        let dir = folder();
+        let data = dir.path().join("lab");
+        copy(Path::new(&repo("fixtures/robot")), &data);
+        fault(&data);
+        let ws = dir.path().join("ws").display().to_string();
+        let (_, told) = expect(
+            &["run", &repo("pipelines/robot.yaml"), "--data", &data.display().to_string(), "--workspace", &ws],
+            1,
+        );
+        let told = unwrapped(told.as_bytes());
+        assert!(told.contains(expected) && told.contains("failed: import throw_01"), "expected {expected}: {told}");
+    }
+}
+
+#[test]
+fn slips_in_the_description_are_named() {
+    for (from, to, expected) in [
+        ("total_mass_kg", "total_mas_kg", "`total_mas_kg` is no key of a robot's description"),
+        ("acc_m_s2", "acc_ms2", "`acc_ms2` in `noise` is no key"),
+        (
+            "imu: {link: trunk",
+            "imu: {link: chest",
+            "the inertial unit is on the link `chest`, which is not in the model",
+        ),
+    ] {
+        let dir = folder();
+        let data = dir.path().join("lab");
+        copy(Path::new(&repo("fixtures/robot")), &data);
+        let file = data.join("robot.yaml");
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(text.contains(from));
+        fs::write(&file, text.replacen(from, to, 1)).unwrap();
+        let ws = dir.path().join("ws").display().to_string();
+        let words = ["run", &repo("pipelines/robot.yaml"), "--data", &data.display().to_string(), "--workspace", &ws];
+        let said = crate::support::aloft(&words);
+        let told = unwrapped(&[said.stdout, said.stderr].concat());
+        assert!(!said.status.success() && told.contains(expected), "expected {expected}: {told}");
+    }
+    // what the laboratory notes for itself is its own business
+    let dir = folder();
+    let data = dir.path().join("lab");
+    copy(Path::new(&repo("fixtures/robot")), &data);
+    let file = data.join("robot.yaml");
+    fs::write(&file, format!("{}operator: Ann\nbattery_v: 48\n", fs::read_to_string(&file).unwrap())).unwrap();
+    let ws = dir.path().join("ws").display().to_string();
+    expect(&["run", &repo("pipelines/robot.yaml"), "--data", &data.display().to_string(), "--workspace", &ws], 0);
+}
+
+/// Inertias of a model that the recordings contradict are not handed on as if they were good.
+#[test]
+fn inertias_of_a_contradicted_model_are_refused_or_marked() {
+    let dir = folder();
+    let data = dir.path().join("lab");
+    copy(Path::new(&repo("fixtures/robot")), &data);
+    // left and right exchanged in every column of both shoulders
+    for trial in ["throw_01", "throw_02"] {
+        let packed = data.join(format!("{trial}_robot.csv.gz"));
+        let mut text = String::new();
+        let bytes = fs::read(&packed).unwrap();
+        flate2::read::GzDecoder::new(bytes.as_slice()).read_to_string(&mut text).unwrap();
+        let (head, rows) = text.split_once('\n').unwrap();
+        let swap =
+            |s: &str| s.replace("l_shoulder", "#").replace("r_shoulder", "l_shoulder").replace('#', "r_shoulder");
+        fs::remove_file(&packed).unwrap();
+        fs::write(data.join(format!("{trial}_robot.csv")), format!("{}\n{rows}", swap(head))).unwrap();
+    }
+    let ws = dir.path().join("ws").display().to_string();
+    let (robot, data) = (repo("pipelines/robot.yaml"), data.display().to_string());
+    expect(&["run", &robot, "--data", &data, "--workspace", &ws], 0);
+    let out = dir.path().join("out").display().to_string();
+    let said = crate::support::aloft(&[
+        "export",
+        &robot,
+        "--data",
+        &data,
+        "--workspace",
+        &ws,
+        "--format",
+        "urdf",
+        "--out",
+        &out,
+    ]);
+    let told = unwrapped(&[said.stdout, said.stderr].concat());
+    let written = fs::read_to_string(format!("{out}/Models/nominal_identified.urdf")).ok();
+    match written {
+        None => assert!(told.contains("on held-out flights the identified body errs by"), "{told}"),
+        Some(text) => assert!(text.contains("CAUTION: the held-out error in flight is"), "{text}"),
+    }
 }
 
 #[test]

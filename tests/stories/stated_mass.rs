@@ -1,6 +1,6 @@
 //! A body mass that is stated wrongly: what flights alone cannot show, plates do.
 
-use crate::support::{expect, folder, json, repo};
+use crate::support::{expect, folder, json, repo, unwrapped};
 use std::fs;
 
 /// True mass of the body of `fixtures/human_twin`, kg.
@@ -50,4 +50,34 @@ fn a_wrong_mass_shows_on_the_plates_and_the_proposed_effect_mends_it() {
     let kg = last["coefficients"][0]["value"].as_f64().unwrap();
     assert!((kg - (TRUE_KG - STATED_KG)).abs() < 0.3, "{kg}");
     assert!(contact(&ask(&["compare", &pipeline])) < 1.5);
+}
+
+/// A mass in pounds: the plates and the free flights contradict it, so nothing is fair, and the
+/// first thing to do is to correct it, on every surface.
+#[test]
+fn a_mass_that_the_plates_contradict_comes_first() {
+    let dir = folder();
+    let pipeline = dir.path().join("pounds.yaml");
+    let text = fs::read_to_string(repo("pipelines/demo_human.yaml")).unwrap();
+    let data = repo("fixtures/human_tethered");
+    let text = text.replace("data: ../fixtures/human_tethered", &format!("data: {data}"));
+    fs::write(&pipeline, format!("{text}\nsubject: {{mass_kg: 158.7}}\n")).unwrap();
+    let (path, ws) = (pipeline.display().to_string(), dir.path().join("ws").display().to_string());
+    let (shown, _) = expect(&["run", &path, "--workspace", &ws], 0);
+    let shown = unwrapped(shown.as_bytes());
+    assert!(shown.contains("158.7 kg are stated: correct `mass_kg`"), "{shown}");
+    for command in ["compare", "history"] {
+        let (shown, told) = expect(&[command, &path, "--workspace", &ws], 0);
+        let told = unwrapped(told.as_bytes());
+        assert!(shown.contains("poor") && !shown.contains("fair") && !shown.contains("at the floor"), "{shown}");
+        assert!(told.contains("next: aloft run"), "{command}: {told}");
+    }
+    let view = json(&["compare", &path, "--workspace", &ws, "--json"]);
+    assert!(view["impulse_mass"]["wrong"].is_string());
+    // with the true mass the same recordings say nothing of the kind, though a tether pulls
+    let right = dir.path().join("right.yaml");
+    fs::write(&right, &text).unwrap();
+    let (path, ws) = (right.display().to_string(), dir.path().join("ws2").display().to_string());
+    expect(&["run", &path, "--workspace", &ws], 0);
+    assert!(json(&["compare", &path, "--workspace", &ws, "--json"])["impulse_mass"]["wrong"].is_null());
 }

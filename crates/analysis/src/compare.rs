@@ -126,6 +126,10 @@ pub struct ParametersBrief {
     /// sentence; none otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub to_do: Option<String>,
+    /// True if the gate did not pass while the error is far above its floor: something missing hides
+    /// the body.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub hidden_by_error: bool,
     /// Body mass, kg.
     pub mass_kg: f64,
     /// Why nothing was identified, so that the compared model is the table's body; none if
@@ -147,6 +151,7 @@ impl ParametersBrief {
             in_all: p.base.len(),
             gate_passed: p.gate.passed,
             to_do: to_do(p),
+            hidden_by_error: false,
             mass_kg: p.mass_kg,
             sigma_ratio: p.sigma.ratio,
             sigma: p.sigma,
@@ -164,6 +169,7 @@ impl ParametersBrief {
             in_all: 0,
             gate_passed: false,
             to_do: None,
+            hidden_by_error: false,
             mass_kg,
             sigma_ratio: none,
             sigma: Sigma { max: none, second: none, min: none, ratio: none },
@@ -171,6 +177,14 @@ impl ParametersBrief {
             nothing: Some(why),
         }
     }
+}
+
+/// Ratio of the error in flight to its floor from which the error, and not too little motion, keeps
+/// parameters undetermined; none below.
+fn far_above(comparison: &Comparison) -> Option<f64> {
+    const FAR: f64 = 10.0;
+    let flight = comparison.against_floor.iter().find(|a| a.judged_on == "flight")?;
+    Some(flight.held_out_error / flight.floor?.noise_floor).filter(|times| *times > FAR)
 }
 
 /// What to do about noise that alone makes a large error in flight: it enters the rows on the side
@@ -298,6 +312,14 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
     };
     if gate_passed && brief.to_do.is_none() {
         brief.to_do = noisy(&comparison, weight);
+    }
+    if let Some(times) = far_above(&comparison).filter(|_| !gate_passed && brief.to_do.is_some()) {
+        brief.hidden_by_error = true;
+        brief.to_do = Some(format!(
+            "ask `discover` first: an error of {times:.0} times its floor hides what the flights say of the body; then record more flights ({} \
+             now) if the gate still does not pass",
+            brief.flights
+        ));
     }
     let impulse_mass = impulse_mass(session, &ws);
     let mut errors: Vec<HeldOutError> =

@@ -68,7 +68,11 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
     let tables = p.in_all - p.from_motion - p.from_scale;
     let scale = if p.from_scale > 0 { format!(", {} from the scale", p.from_scale) } else { String::new() };
     let rest = if tables > 0 { format!("{scale}, {tables} from tables") } else { scale };
-    let gate = if p.gate_passed { "gate passed" } else { "gate not passed: too little motion to determine the body" };
+    let gate = match (p.gate_passed, p.hidden_by_error) {
+        (true, _) => "gate passed",
+        (false, true) => "gate not passed: the error hides the body",
+        (false, false) => "gate not passed: too little motion to determine the body",
+    };
     let words = format!("{} of {} parameters from motion{rest}; {gate}", p.from_motion, p.in_all);
     let signal = if p.gate_passed { Signal::Good } else { Signal::Poor };
     let identified = labelled("identified  ", &words).replacen(gate, &paint(gate, signal), 1);
@@ -121,6 +125,9 @@ pub fn worst(view: &ComparisonView) -> Option<String> {
 /// The body mass that the plates show, where it is not the stated one.
 fn weighed(view: &ComparisonView) -> Option<String> {
     let mass = view.impulse_mass.as_ref().filter(|m| m.doubt.is_some() || m.wrong.is_some())?;
+    if let Some(wrong) = &mass.wrong {
+        return Some(labelled("first       ", wrong));
+    }
     let text = format!(
         "{} kg by the impulse between flights, {} kg stated ({:+.1} %)",
         significant(mass.mass_kg, 3),

@@ -173,7 +173,8 @@ fn whole(f: &Failed, args: &PipelineArgs) {
 /// The failures in at most three lines.
 fn brief(failed: &[Failed]) {
     let Some(first) = failed.first() else { return };
-    brief_note(format!("failed: {}: {}", first.place(), first.failure.problem));
+    // the first one whole: what was found and what was expected stand at its end
+    note(format!("failed: {}: {}", first.place(), first.failure.problem));
     if let Some(hint) = &first.failure.hint {
         brief_note(format!("  hint: {hint}"));
     }

@@ -5,6 +5,7 @@
 use crate::clock::{AT_REST_RAD_S, base_rates, rough_offset};
 use crate::log::{BaseLog, RobotLog};
 use crate::{RobotError, RobotModel};
+use aloft_body::STANDARD_GRAVITY_MPS2;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
@@ -29,16 +30,16 @@ pub fn check(log: &RobotLog, base: Option<&BaseLog>, model: &RobotModel) -> Resu
 
 /// Units of the accelerometer and of the base's position.
 fn units(log: &RobotLog, base: Option<&BaseLog>) -> Result<(), RobotError> {
-    if let Some(acc) = &log.acc {
-        let sizes: Vec<f64> = acc.iter().map(Vector3::norm).filter(|n| n.is_finite()).collect();
-        let near = |g: f64| sizes.iter().filter(|n| (*n / g - 1.0).abs() < 0.1).count() as f64 / sizes.len() as f64;
-        if near(1.0) > 0.2 && near(9.81) < 0.02 {
+    if let (Some(acc), Some(base)) = (&log.acc, base) {
+        // large values of both, which need no common clock
+        let (own, by_poses) = (middle_norm(acc.iter()), middle_norm(specific_forces(base).iter()));
+        let ratio = own / by_poses * STANDARD_GRAVITY_MPS2;
+        if (ratio - 1.0).abs() < 0.35 {
             return Err(RobotError::log(
                 &log.file,
                 format!(
-                    "the accelerometer reads about 1 in {:.0} % of the rows and 9.81 in {:.0} %: in g, expected m/s²",
-                    100.0 * near(1.0),
-                    100.0 * near(9.81)
+                    "the accelerometer reads {own:.2} where the poses of {} and gravity give {by_poses:.1} m/s²: in g, expected m/s²",
+                    base.file
                 ),
                 "multiply its columns by 9.81",
             ));
@@ -59,6 +60,24 @@ fn units(log: &RobotLog, base: Option<&BaseLog>) -> Result<(), RobotError> {
     }
     Ok(())
 }
+
+/// Specific force by second differences of the base's position over [`APART_S`], gravity along the
+/// world's z axis; m/s².
+fn specific_forces(base: &BaseLog) -> Vec<Vector3<f64>> {
+    let (t, p) = (&base.time_s, &base.position_m);
+    let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
+    let reach = (APART_S / aloft_signal::median(&mut steps)).ceil().max(1.0) as usize;
+    (reach..p.len().saturating_sub(reach))
+        .map(|i| {
+            let (h, k) = (t[i] - t[i - reach], t[i + reach] - t[i]);
+            let change = (p[i + reach] - p[i]) / k - (p[i] - p[i - reach]) / h;
+            change * (2.0 / (h + k)) + Vector3::z() * STANDARD_GRAVITY_MPS2
+        })
+        .collect()
+}
+
+/// Time between the positions of a second difference, s.
+const APART_S: f64 = 0.03;
 
 /// Largest span of a base's position in one recording, m.
 const LARGEST_SPAN_M: f64 = 100.0;

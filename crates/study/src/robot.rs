@@ -2,7 +2,7 @@
 
 use crate::config::{InertiaLimit, RobotConfig};
 use crate::ranges::parse_yaml;
-use aloft_robot::{PriorSpread, RobotDescription, RobotModel};
+use aloft_robot::{PriorSpread, RobotDescription, RobotModel, SensorNoise};
 use aloft_trial::MarkerSet;
 use aloft_workspace::error::PipelineError;
 use serde::{Deserialize, Serialize};
@@ -26,6 +26,43 @@ pub struct RobotSetup {
     pub files: Vec<PathBuf>,
 }
 
+/// Keys of a description; others are the laboratory's own business.
+const KEYS: [&str; 11] = [
+    "name",
+    "total_mass_kg",
+    "mass_kg",
+    "gravity_m_s2",
+    "base_link",
+    "joints",
+    "model",
+    "imu",
+    "noise",
+    "topics",
+    "markers",
+];
+
+/// An error for a key that is one or two letters off one that is read: it would count as not given.
+fn refuse_slips(file: &str, text: &str) -> Result<(), PipelineError> {
+    let all: serde_yaml::Value = parse_yaml(file, text)?;
+    let noise = serde_yaml::to_value(SensorNoise::default()).unwrap_or_default();
+    let of_noise: Vec<&str> = noise.as_mapping().into_iter().flatten().filter_map(|(k, _)| k.as_str()).collect();
+    for (place, known) in
+        [(None, &KEYS[..]), (Some("noise"), &of_noise), (Some("imu"), &["link", "position_m", "rpy_rad"])]
+    {
+        let keys = place.map_or(Some(&all), |p| all.get(p)).and_then(serde_yaml::Value::as_mapping);
+        for key in keys.into_iter().flatten().filter_map(|(k, _)| k.as_str()).filter(|k| !known.contains(k)) {
+            if let Some(meant) = known.iter().find(|k| k.len() > 3 && strsim::damerau_levenshtein(key, k) <= 2) {
+                let within = place.map_or(String::new(), |p| format!(" in `{p}`"));
+                return Err(PipelineError::request_hint(
+                    format!("{file}: `{key}`{within} is no key of a robot's description"),
+                    format!("did you mean `{meant}`?"),
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
 impl RobotSetup {
     /// Reads the description beside the recordings (or in the study's folder), and the model that
     /// it names.
@@ -41,7 +78,9 @@ impl RobotSetup {
             ));
         };
         let read = |p: &Path| std::fs::read_to_string(p).map_err(PipelineError::io("read", p));
-        let description: RobotDescription = parse_yaml(&path.display().to_string(), &read(path)?)?;
+        let text = read(path)?;
+        let description: RobotDescription = parse_yaml(&path.display().to_string(), &text)?;
+        refuse_slips(&path.display().to_string(), &text)?;
         let folder = path.parent().unwrap_or(data);
         let named = [&description.model.urdf, &description.model.mjcf];
         let files: Vec<PathBuf> = named.into_iter().flatten().map(|name| folder.join(name)).collect();
