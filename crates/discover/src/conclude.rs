@@ -16,6 +16,11 @@ use crate::session::Session;
 use crate::wording;
 use aloft_effects::{Effect, EffectInstance};
 
+/// Flights from which a recording is predicted up to which their errors in the parameters are a large
+/// part of the held-out error, if each flight stands for more than this many parameters.
+const FEW_FLIGHTS: usize = 3;
+const MANY_PARAMETERS: usize = 10;
+
 /// What the rounds of a discovery made.
 pub(crate) struct RoundResults<'a> {
     /// Rounds in their order.
@@ -172,6 +177,12 @@ pub(crate) fn conclude(
     // which effects leave a share that the noise does not account for. Effects found
     // in flight are judged in flight; their error in contact also contains what only contact shows.
     let only_flight = kept.iter().any(|v| v.effect.acts().in_flight()) && has_flights;
+    // where a recording is predicted from a few flights, what these leave open of the body adds to
+    // the error: between 1.5 and 3 floors that is no evidence of anything missing
+    let flights_left = session.fewest_flights_left();
+    let predicted_by_few =
+        has_flights && flights_left <= FEW_FLIGHTS && session.from_full.nrows() > MANY_PARAMETERS * flights_left;
+    let little = |i: usize, after: &HeldOutResult| predicted_by_few && i == 0 && kept.is_empty() && !after.is_far();
     let far = (0..2)
         .filter(|i| *i == 0 || !only_flight)
         .filter_map(|i| {
@@ -182,7 +193,7 @@ pub(crate) fn conclude(
             let misfit = judged_here && share.fold(f64::INFINITY, f64::min) > LACK_OF_FIT;
             // nothing is missing only where the error is at its floor
             let nothing = kept.is_empty() && verdict == Verdict::NothingMissing;
-            let remains = (nothing || lost) && after.is_above();
+            let remains = (nothing || lost) && after.is_above() && !little(i, &after);
             // plates explain nothing of flights: what is above the floor there may be in contact,
             // too
             let only_plates = i == 0 && !kept.is_empty() && !kept.iter().any(|v| v.effect.acts().in_flight());
@@ -202,7 +213,10 @@ pub(crate) fn conclude(
     }
     // an error within the interval of a floor that is hardly known may hold anything
     let undecided = model_error.filter(|s| out.verdict == Verdict::NothingMissing && s.is_undecided());
-    if undecided.is_some() {
+    let few = left[0].filter(|after| {
+        out.verdict == Verdict::NothingMissing && undecided.is_none() && after.is_above() && little(0, after)
+    });
+    if undecided.is_some() || few.is_some() {
         out.verdict = Verdict::NotDetectable;
     }
     out.words = if lost && far.is_none() {
@@ -213,6 +227,9 @@ pub(crate) fn conclude(
     };
     if let Some(s) = undecided {
         out.words = wording::undecided(&out, &s);
+    }
+    if let Some(s) = few {
+        out.words = wording::few_flights(&out, &s);
     }
     if let Some(open) = &out.open {
         out.words = wording::with_open(&out, open, far.is_some());

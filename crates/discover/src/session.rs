@@ -259,6 +259,17 @@ impl<'a> Session<'a> {
         self
     }
 
+    /// Number of flights that are left where the recording with most of them is held out; where there
+    /// is one recording alone, where one flight is.
+    pub(crate) fn fewest_flights_left(&self) -> usize {
+        let mut of_trial = vec![0; self.trials.len()];
+        for b in self.blocks.iter().filter(|b| b.kind == StretchKind::Flight) {
+            of_trial[b.trial] += 1;
+        }
+        let (all, most) = (of_trial.iter().sum::<usize>(), of_trial.iter().max().copied().unwrap_or(0));
+        if most == all { all.saturating_sub(1) } else { all - most }
+    }
+
     /// Data that were left out, with the reason, in words.
     pub fn warnings(&self) -> &[String] {
         &self.warnings

@@ -140,6 +140,18 @@ pub(crate) fn undecided(d: &Discovery, model_error: &HeldOutResult) -> String {
     )
 }
 
+/// The result where no effect convinces, and a recording is predicted from a few flights.
+pub(crate) fn few_flights(d: &Discovery, model_error: &HeldOutResult) -> String {
+    let best = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
+        format!("; the best candidate, `{}`, leaves {:.1} % of the held-out error", c.key, 100.0 * c.held_out_ratio)
+    });
+    format!(
+        "not detectable: a recording is predicted from three flights or fewer, and an error of {} times the noise floor may be what so few leave \
+         open of the body{best}",
+        digits(model_error.times_floor(), 2)
+    )
+}
+
 /// The result in words; `far` is the domain in which the error is farthest above the noise floor,
 /// if any.
 pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> String {

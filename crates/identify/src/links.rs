@@ -135,8 +135,7 @@ fn scaled_to_mass(prior: &LinkPrior, mass_kg: f64) -> Vec<Phi> {
     phi.into_iter().map(|p| p * (mass_kg / total)).collect()
 }
 
-/// A moment of one link that is positive for mass inside its box, divided by that of the prior: `row
-/// · φ`.
+/// A moment of one link, `row · φ`, positive for mass inside its box, over that of the prior.
 #[derive(Clone)]
 struct Slab {
     link: usize,

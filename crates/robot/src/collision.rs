@@ -192,7 +192,7 @@ mod tests {
                     Solid::Sphere(r) => on_ball * r,
                     Solid::Ellipsoid(h) => h.component_mul(&on_ball),
                     Solid::Cylinder(r, h) => Vector3::new(r * v.cos(), r * v.sin(), h * share),
-                    Solid::Capsule(r, h) => on_ball * r + Vector3::z() * (h * share),
+                    Solid::Capsule(r, h) => on_ball * r - Vector3::z() * (h * share),
                 });
             }
         }

@@ -145,7 +145,7 @@ fn contact_comes_from_the_topics_that_are_named() {
     let topic = |(link, topic): (&str, &str)| (link.to_owned(), topic.to_owned());
     let contact = [("l_foot", "/left"), ("r_foot", "/right"), ("hand", "/hand")].map(topic).into();
     let bytes = with_messages(&channels);
-    let (log, _) = aloft_robot::ros::read("log.mcap", &bytes, &Topics { contact, ..Topics::default() }).unwrap();
+    let (log, _) = read("log.mcap", &bytes, &Topics { contact, ..Topics::default() }).unwrap();
     let column = |name: &str| log.get(name).unwrap();
     assert_eq!(column("time_s").len(), 100);
     for i in 0..100 {

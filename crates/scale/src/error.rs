@@ -2,8 +2,9 @@
 
 use aloft_body::BodyError;
 
-/// Largest distance between two markers of a person, or of their legs, m.
-pub(crate) const SPAN_M: [f64; 2] = [0.25, 4.0];
+/// Span of the middle half of the markers of a person, or of their legs, m: 0.3 to 1.2 m for children
+/// and adults, so that a wrong unit is far outside.
+pub(crate) const SPAN_M: [f64; 2] = [0.05, 5.0];
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]
@@ -19,7 +20,7 @@ pub enum ScaleError {
     },
     /// The markers span what no body spans: the unit of the file is wrong.
     #[error(
-        "{trial}: the markers span {span_m:.2e} m, expected {} to {} m for a person: the unit of the file is not what it states, or other \
+        "{trial}: the middle half of the markers spans {span_m:.2e} m, expected {} to {} m for a person: the unit of the file is not what it states, or other \
          points lie among the markers (`import: {{point_unit: m}}` overrides the unit)",
         SPAN_M[0],
         SPAN_M[1]

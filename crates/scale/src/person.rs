@@ -73,11 +73,11 @@ fn check_span(trial: &Trial, pose: &StaticPose) -> Result<(), ScaleError> {
         .filter_map(|t| t.get(frame).copied())
         .filter(|p| p.iter().all(|x| x.is_finite()))
         .collect();
-    // a few markers may be far away: the span of all but the outermost ones on each axis
+    // some markers may be far away: the middle half of them on each axis
     let span = |axis: usize| {
         let mut x: Vec<f64> = seen.iter().map(|p| p[axis]).collect();
         x.sort_by(f64::total_cmp);
-        let out = x.len() / 10;
+        let out = x.len() / 4;
         x.get(x.len().saturating_sub(out + 1)).zip(x.get(out)).map_or(0.0, |(b, a)| b - a)
     };
     let span_m = (0..3).map(|k| span(k).powi(2)).sum::<f64>().sqrt();
