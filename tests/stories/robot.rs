@@ -150,8 +150,8 @@ fn torques_times(data: &Path, trial: &str, factor: f64) {
     log_changed(data, trial, &|name, x| if name.starts_with("tau") { x * factor } else { x });
 }
 
-/// Each fault is one line that names file, what was found and what was expected; the other recording
-/// goes on.
+/// Each fault is one line that names file, what was found and what was expected; the other
+/// recording goes on.
 #[test]
 fn units_and_a_stuck_encoder_are_named() {
     type Fault = Box<dyn Fn(&Path)>;

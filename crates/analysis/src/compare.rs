@@ -126,8 +126,8 @@ pub struct ParametersBrief {
     /// sentence; none otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub to_do: Option<String>,
-    /// True if the gate did not pass while the error is far above its floor: something missing hides
-    /// the body.
+    /// True if the gate did not pass while the error is far above its floor: something missing
+    /// hides the body.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub hidden_by_error: bool,
     /// Body mass, kg.
@@ -190,9 +190,9 @@ fn far_above(comparison: &Comparison) -> Option<f64> {
 /// What to do about noise that alone makes a large error in flight: it enters the rows on the side
 /// of the unknowns and biases parameters, most of all inertias, which no interval shows.
 fn noisy(comparison: &Comparison, weight_n: f64) -> Option<String> {
-    /// Floor as a share of the body's weight. Simulated chains with up to 1 mm of marker noise stand
-    /// below 0.6 %, a person with 3 mm of soft tissue at 1.5 %; 5 mm on a chain of 0.3 m, which moves
-    /// inertias by more than their intervals, at 9 to 16 %.
+    /// Floor as a share of the body's weight. Simulated chains with up to 1 mm of marker noise
+    /// stand below 0.6 %, a person with 3 mm of soft tissue at 1.5 %; 5 mm on a chain of 0.3 m,
+    /// which moves inertias by more than their intervals, at 9 to 16 %.
     const LOUD: f64 = 0.05;
     let floor = comparison.against_floor.iter().find(|a| a.judged_on == "flight")?.floor?.noise_floor;
     let share = floor / weight_n;

@@ -78,8 +78,8 @@ fn mean(values: &[f64]) -> Option<(f64, f64, usize)> {
     Some((mean, deviation / (values.len() as f64).sqrt(), values.len()))
 }
 
-/// Mean of the masses that single contacts between two flights gave, half of its 95 % interval (none
-/// for one contact), and their number.
+/// Mean of the masses that single contacts between two flights gave, half of its 95 % interval
+/// (none for one contact), and their number.
 pub(crate) fn mass_by_impulse(masses: &[f64]) -> Option<(f64, Option<f64>, usize)> {
     /// Velocities of a table's centre of mass, 95 %, common to all contacts.
     const COMMON: f64 = 0.01;

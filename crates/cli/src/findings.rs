@@ -361,8 +361,8 @@ fn rounds(d: &Discovery) -> Result<(), Stop> {
     Ok(())
 }
 
-/// Effects that cannot be told from this one: those that the verdict names beside it, and those whose
-/// difference in rank chance could explain (p > 0.05).
+/// Effects that cannot be told from this one: those that the verdict names beside it, and those
+/// whose difference in rank chance could explain (p > 0.05).
 fn like<'d>(c: &'d Candidate, d: &'d Discovery) -> Vec<&'d str> {
     let class = d.groups.iter().find(|g| g.effects.contains(&c.effect)).into_iter().flat_map(|g| &g.effects);
     let mut out: Vec<&str> = class.map(String::as_str).filter(|e| *e != c.effect).collect();

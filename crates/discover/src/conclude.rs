@@ -16,8 +16,8 @@ use crate::session::Session;
 use crate::wording;
 use aloft_effects::{Effect, EffectInstance};
 
-/// Flights from which a recording is predicted up to which their errors in the parameters are a large
-/// part of the held-out error, if each flight stands for more than this many parameters.
+/// Flights from which a recording is predicted up to which their errors in the parameters are a
+/// large part of the held-out error, if each flight stands for more than this many parameters.
 const FEW_FLIGHTS: usize = 3;
 const MANY_PARAMETERS: usize = 10;
 

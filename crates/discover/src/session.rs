@@ -259,8 +259,8 @@ impl<'a> Session<'a> {
         self
     }
 
-    /// Number of flights that are left where the recording with most of them is held out; where there
-    /// is one recording alone, where one flight is.
+    /// Number of flights that are left where the recording with most of them is held out; where
+    /// there is one recording alone, where one flight is.
     pub(crate) fn fewest_flights_left(&self) -> usize {
         let mut of_trial = vec![0; self.trials.len()];
         for b in self.blocks.iter().filter(|b| b.kind == StretchKind::Flight) {

@@ -114,6 +114,6 @@ impl InertiaLimits {
     }
 }
 
-/// Least room ([`LinkBox::room`]) of an inertia that fits: a hundredth of that of a point mass in the
-/// middle.
+/// Least room ([`LinkBox::room`]) of an inertia that fits: a hundredth of that of a point mass in
+/// the middle.
 const LEAST_ROOM: f64 = 0.01;

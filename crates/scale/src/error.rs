@@ -2,8 +2,8 @@
 
 use aloft_body::BodyError;
 
-/// Span of the middle half of the markers of a person, or of their legs, m: 0.3 to 1.2 m for children
-/// and adults, so that a wrong unit is far outside.
+/// Span of the middle half of the markers of a person, or of their legs, m: 0.3 to 1.2 m for
+/// children and adults, so that a wrong unit is far outside.
 pub(crate) const SPAN_M: [f64; 2] = [0.05, 5.0];
 
 /// Errors of this crate.

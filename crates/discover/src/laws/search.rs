@@ -423,9 +423,9 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> Found
 /// determined.
 const ALONG: f64 = 0.9;
 
-/// Coordinates of the point in the link with their intervals; empty where they are given. A point can
-/// be moved along its force: the coordinate along it has no interval, and its value is that of the
-/// point of the line nearest to the centre of mass.
+/// Coordinates of the point in the link with their intervals; empty where they are given. A point
+/// can be moved along its force: the coordinate along it has no interval, and its value is that of
+/// the point of the line nearest to the centre of mass.
 fn point_of(law: &Law, values: &[f64], fitted: &[Estimate]) -> Vec<Estimate> {
     match law.point_is {
         PointIs::Given => Vec::new(),

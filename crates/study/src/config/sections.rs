@@ -268,8 +268,8 @@ RobotConfig {
     #[schemars(range(min = 0.001, max = 2.0))]
     radius_rel: f64 = 0.12,
     /// What a link's identified inertia must fit into. With `collision`, no mass is put outside the
-    /// box about a link's collision geometry (boxes, cylinders, spheres, capsules, ellipsoids; links
-    /// with meshes have no limit).
+    /// box about a link's collision geometry (boxes, cylinders, spheres, capsules, ellipsoids;
+    /// links with meshes have no limit).
     inertia_limits: InertiaLimit = InertiaLimit::None,
     /// Margin about the collision geometry, each side, m.
     #[schemars(range(min = 0.0, max = 1.0))]
