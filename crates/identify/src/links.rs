@@ -156,7 +156,7 @@ fn slabs(prior: &LinkPrior, start: &[Phi]) -> Result<Vec<Slab>, IdentifyError> {
     for (link, own, phi) in boxed {
         for row in own.moment_rows() {
             let at_prior = row.dot(phi);
-            if !(at_prior > 0.0) {
+            if at_prior.is_nan() || at_prior <= 0.0 {
                 return Err(IdentifyError::Numeric(format!("the prior of link {link} lies outside its box")));
             }
             out.push(Slab { link, row: row / at_prior });
@@ -287,7 +287,7 @@ impl Problem {
         }
         for slab in &self.limits.slabs {
             let t = slab.row.dot(&block(&phi, slab.link));
-            if !(t > 0.0) {
+            if t.is_nan() || t <= 0.0 {
                 return f64::INFINITY;
             }
             divergence += t - t.ln();
