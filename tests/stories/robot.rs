@@ -172,7 +172,7 @@ fn units_and_a_stuck_encoder_are_named() {
         (log(&|n, x| if n.starts_with("acc_") { x / 9.81 } else { x }), "in g, expected m/s²"),
         (
             base(&|n, x| if n.ends_with("_m") { 1e3 * x } else { x }),
-            "expected at most 100 m in one recording: millimetres?",
+            "expected at most 500 m in one recording: millimetres?",
         ),
     ] {
         let dir = folder();

@@ -80,7 +80,7 @@ fn specific_forces(base: &BaseLog) -> Vec<Vector3<f64>> {
 const APART_S: f64 = 0.03;
 
 /// Largest span of a base's position in one recording, m.
-const LARGEST_SPAN_M: f64 = 100.0;
+const LARGEST_SPAN_M: f64 = 500.0;
 
 /// Share of missing values from which a joint is named.
 const OFTEN_MISSING: f64 = 0.1;
