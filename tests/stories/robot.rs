@@ -405,3 +405,32 @@ fn inertias_stay_inside_the_collision_geometry() {
     assert!(shown.contains(told), "{manifest}");
     assert!(manifest.contains("\"links_with_limits\": 2"), "{manifest}");
 }
+
+/// A couple on the root passes through no joint: the joints are still identified beside it. A joint
+/// whose torque has the wrong sign is named.
+#[test]
+fn joints_are_identified_beside_a_flywheel_in_the_root() {
+    let dir = folder();
+    let data = dir.path().join("lab");
+    copy(Path::new(&repo("fixtures/robot")), &data);
+    for trial in ["throw_01", "throw_02"] {
+        log_changed(&data, trial, &|name, x| if name == "tau_meas_l_elbow_nm" { -x } else { x });
+    }
+    let ws = dir.path().join("ws").display().to_string();
+    let (robot, data) = (repo("pipelines/robot.yaml"), data.display().to_string());
+    let words = |verb: &[&str]| [verb, &["--data", &data, "--workspace", &ws]].concat().join("\n");
+    let call = |verb: &[&str]| {
+        let line = words(verb);
+        expect(&line.split('\n').collect::<Vec<_>>(), 0)
+    };
+    call(&["run", &robot]);
+    let manifest = fs::read_to_string(format!("{ws}/identify/_study/manifest.json")).unwrap();
+    let told = "the torque of the joint `l_elbow` would need negative friction";
+    assert!(manifest.contains(told) && manifest.matches("would need negative friction").count() == 1, "{manifest}");
+    call(&["effect", "add", &robot, "flywheel[trunk]"]);
+    let fit: serde_json::Value =
+        serde_json::from_str(&fs::read_to_string(format!("{ws}/identify/_study/joints.json")).unwrap()).unwrap();
+    assert_eq!(fit["joints"].as_array().unwrap().len(), 4);
+    let friction = fit["joints"][0]["friction"]["value"].as_f64().unwrap();
+    assert!((friction - 0.12).abs() < 0.05, "{friction}");
+}

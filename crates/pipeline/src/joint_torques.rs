@@ -289,7 +289,9 @@ impl Recorded {
         let columns = effect_columns(effects, &rows)?;
         let (log, _) = load_log(robot, results, name)?;
         let torques = log.torques_at_frames().map_err(|e| failed(&e))?;
-        let (Some(torques), Some(carried)) = (torques, carried(&rows, columns.as_ref())) else { return Ok(None) };
+        let (Some(torques), Some(carried)) = (torques, carried(&rows, columns.as_ref(), effects)?) else {
+            return Ok(None);
+        };
         let errors = RobotErrors::load(results, &rows.motion)?;
         let frames = torques.iter().map(Vec::len).min().unwrap_or(0);
         let whole = |s: &Stretch| s.kind == StretchKind::Flight && s.end_frame <= frames;

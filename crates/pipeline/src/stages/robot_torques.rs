@@ -6,10 +6,10 @@ use crate::graph::{StageInputs, StageReport};
 use crate::stages::robot::{failed, load_log};
 use crate::trial_rows::{TrialRows, each_stretch};
 use aloft_body::{BaseParameters, Subject};
-use aloft_effects::{EffectInstance, Scene};
+use aloft_effects::{EffectInstance, Family, Scene, Target};
 use aloft_identify::{LinkPrior, Parameters};
 use aloft_regressor::{EffectColumns, Factor, Stretch};
-use aloft_robot::joint_fit::{JointRows, joint_fit};
+use aloft_robot::joint_fit::{Estimate as JointValue, JointRows, joint_fit};
 use aloft_robot::torque::{TorqueEffects, TorqueSource, Torques, size, torque_factor};
 use aloft_study::effects::{KnownEffects, ModelEffects};
 use aloft_study::robot::RobotSetup;
@@ -36,20 +36,30 @@ pub(crate) fn laws_of_joints<'k>(
 }
 
 /// Effects of the base rows as changes of the body's parameters, each with its name; none if one of
-/// them is a force from outside, of which the rows of joints do not know where it enters.
+/// them is a force from outside, of which the rows of joints do not know where it enters. A force or
+/// couple on the root passes through no joint, and changes none of their rows.
 pub(crate) fn carried(
     rows: &TrialRows,
     columns: Option<&EffectColumns>,
-) -> Option<Vec<(String, Option<DVector<f64>>)>> {
-    let Some(columns) = columns else { return Some(Vec::new()) };
+    model: &ModelEffects,
+) -> Result<Option<Vec<(String, Option<DVector<f64>>)>>, StageFailure> {
+    let Some(columns) = columns else { return Ok(Some(Vec::new())) };
+    let scene = Scene::new(&rows.subject.model, &rows.subject.prior_phi(), &[]);
+    let known = KnownEffects::of(&model.own, &scene)?;
+    let all = model.model.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
+    let on_root: Vec<String> = all
+        .iter()
+        .filter(|c| c.target == Target::Link(0) && c.effect.about().family == Family::Forces)
+        .flat_map(|c| c.names(&scene))
+        .collect();
     let outside = |c: usize| {
         rows.flights.iter().any(|r| columns.wrench[r.clone()].iter().any(|w| w.column(c).iter().any(|x| *x != 0.0)))
     };
     let one = |(c, name): (usize, &String)| {
         let change = columns.inertia.get(c).cloned().flatten();
-        (change.is_some() || !outside(c)).then(|| (name.clone(), change))
+        (change.is_some() || on_root.contains(name) || !outside(c)).then(|| (name.clone(), change))
     };
-    columns.names.iter().enumerate().map(one).collect()
+    Ok(columns.names.iter().enumerate().map(one).collect())
 }
 
 /// Rows of the joints' torques in the flights of a recording; notes their number. Without torques,
@@ -66,7 +76,7 @@ pub fn save_torque_rows(
     let (log, _) = load_log(robot, inputs.results, name)?;
     let torques = log.torques_at_frames().map_err(|e| failed(&e))?;
     let Some(values) = torques else { return Ok(()) };
-    let Some(carried) = carried(rows, columns) else {
+    let Some(carried) = carried(rows, columns, model)? else {
         done.note("torques", "not judged: an effect of the model acts from outside the body, and where it enters the joints is not known");
         return Ok(());
     };
@@ -148,6 +158,16 @@ pub fn fit_joints(
         done.note("torque_rows", fit.rows);
         done.note("torque_weight", fit.weight);
         done.note("torque_ratio", fit.torque_ratio);
+        for joint in &fit.joints {
+            let negative = |e: &JointValue| e.ci95[1] < 0.0;
+            if negative(&joint.friction) || negative(&joint.armature) {
+                done.warnings.push(format!(
+                    "the torque of the joint `{}` would need negative friction ({:.3}) and reflected inertia ({:.4}): its column has the opposite \
+                     sign of the others, or a driving law is missing; its values are not to be used",
+                    joint.name, joint.friction.value, joint.armature.value
+                ));
+            }
+        }
         let mut gains: Vec<f64> = fit.joints.iter().map(|j| j.gain.value).collect();
         let middle = aloft_signal::median(&mut gains);
         if (middle - 1.0).abs() > COMMON_GAIN {
