@@ -63,3 +63,4 @@ pub use offset::{OffsetRange, RecordingOffset};
 pub use phase::Phase;
 pub use segments::SegmentShare;
 pub use windows::{WindowRows, size_of_windows};
+pub use wording::growth;

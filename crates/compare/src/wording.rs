@@ -55,6 +55,17 @@ pub(crate) fn worst_places(model: &ModelComparison) -> Vec<WorstPlace> {
     out
 }
 
+/// Error of the last group of a quantity over that of the first, the same number on every surface:
+/// over windows where every group has enough of them, else over frames. None without two groups.
+pub fn growth(breakdown: &[Group], by: GroupedBy) -> Option<f64> {
+    let groups = || of(breakdown, by);
+    // sizes over windows and over frames cannot be compared
+    let of_windows = groups().all(|g| g.windows.windows >= FEWEST_WINDOWS);
+    let size = |g: &Group| if of_windows { g.windows.size() } else { g.errors.size() };
+    let (first, last) = (size(groups().next()?), size(groups().last()?));
+    (groups().count() > 1 && first > 0.0).then_some(last / first)
+}
+
 /// Sentences on one model, the most useful first. `beside` are the other models, `against` the
 /// first model's errors in flight and in held-out contact.
 ///
@@ -129,22 +140,19 @@ pub(crate) fn describe(
         (GroupedBy::Turning, "turning of the root"),
         (GroupedBy::Posture, "spread of the body about its centre of mass"),
     ] {
-        // sizes over windows and over frames cannot be compared
-        let of_windows = of(&model.breakdown, by).all(|g| g.windows.windows >= FEWEST_WINDOWS);
-        let size = |g: &Group| if of_windows { g.windows.size() } else { g.errors.size() };
-        let sizes: Vec<f64> = of(&model.breakdown, by).filter(|_| !noise).map(size).collect();
-        if let (Some(first), Some(last)) = (sizes.first(), sizes.last()) {
-            if last > &(REMARKABLE * first) {
+        match growth(&model.breakdown, by).filter(|_| !noise) {
+            Some(times) if times > REMARKABLE => {
                 out.push(format!(
-                    "The error grows with the {what}: {:.1} times from the lowest quarter to the highest.",
-                    last / first
-                ));
-            } else if first > &(REMARKABLE * last) {
-                out.push(format!(
-                    "The error falls with the {what}: {:.1} times from the highest quarter to the lowest.",
-                    first / last
+                    "The error grows with the {what}: {times:.1} times from the lowest quarter to the highest."
                 ));
             }
+            Some(times) if times * REMARKABLE < 1.0 => {
+                let fall = 1.0 / times;
+                out.push(format!(
+                    "The error falls with the {what}: {fall:.1} times from the highest quarter to the lowest."
+                ));
+            }
+            _ => {}
         }
     }
     if let Some(segment) = model.segments.first().filter(|s| !noise && s.inertia_share > LARGE_SHARE) {

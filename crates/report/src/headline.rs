@@ -9,7 +9,7 @@ use super::wording::{count, number};
 use aloft_analysis::compare::ComparisonView;
 use aloft_analysis::next_step::{Because, NextStep, step};
 use aloft_analysis::parameters::ParametersView;
-use aloft_compare::{Comparison, Group, GroupedBy};
+use aloft_compare::{Comparison, GroupedBy, growth};
 use aloft_discover::Verdict;
 use aloft_page::{Fact, Headline};
 
@@ -157,8 +157,6 @@ fn how_wrong(story: &Story<'_>, first: &PlaceError, other: Option<&PlaceError>) 
 
 /// Ratio between groups from which a trend is told.
 const TREND: f64 = 1.5;
-/// Fewest windows of a group that is used.
-const FEWEST_WINDOWS: usize = 4;
 
 fn place(story: &Story<'_>, first: &PlaceError) -> Option<String> {
     let c = &story.comparison.as_ref()?.comparison;
@@ -213,13 +211,10 @@ fn trend(c: &Comparison) -> Option<String> {
         (GroupedBy::TimeInFlight, "the time in flight"),
         (GroupedBy::Acceleration, "the acceleration of the centre of mass"),
     ];
-    let growth = |by: GroupedBy| {
-        let of: Vec<&Group> =
-            c.first.breakdown.iter().filter(|g| g.by == by && g.windows.windows >= FEWEST_WINDOWS).collect();
-        let (first, last) = (of.first()?.windows.size(), of.last()?.windows.size());
-        (of.len() > 2 && first > 0.0).then_some(last / first)
-    };
-    let grown = kinds.iter().filter_map(|(by, what)| Some((growth(*by)?, what))).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let grown = kinds
+        .iter()
+        .filter_map(|(by, what)| Some((growth(&c.first.breakdown, *by)?, what)))
+        .max_by(|a, b| a.0.total_cmp(&b.0))?;
     (grown.0 > TREND).then(|| format!("grows {} times with {}", super::lights::times(grown.0), grown.1))
 }
 

@@ -35,14 +35,18 @@ pub(crate) fn laws_of_joints<'k>(
     Ok(all.into_iter().filter(|c| c.effect.acts().in_joints()).collect())
 }
 
-/// Effects of the base rows as changes of the body's parameters, each with its name; none if one of
-/// them is a force from outside, of which the rows of joints do not know where it enters. A force or
-/// couple on the root passes through no joint, and changes none of their rows.
+/// Effects of the base rows as changes of the body's parameters, each with its name; `None` for one
+/// that does not enter the rows of the joints.
+pub(crate) type Carried = Vec<(String, Option<DVector<f64>>)>;
+
+/// The effects of a model in the rows of joints; none if one of them is a force from outside, of
+/// which these rows do not know where it enters. A force or couple on the root passes through no
+/// joint, and changes none of their rows.
 pub(crate) fn carried(
     rows: &TrialRows,
     columns: Option<&EffectColumns>,
     model: &ModelEffects,
-) -> Result<Option<Vec<(String, Option<DVector<f64>>)>>, StageFailure> {
+) -> Result<Option<Carried>, StageFailure> {
     let Some(columns) = columns else { return Ok(Some(Vec::new())) };
     let scene = Scene::new(&rows.subject.model, &rows.subject.prior_phi(), &[]);
     let known = KnownEffects::of(&model.own, &scene)?;
