@@ -10,6 +10,7 @@ mod corrections_each;
 mod demo;
 mod estimators;
 mod export;
+mod few_flights;
 mod help;
 mod invisible;
 mod kill;

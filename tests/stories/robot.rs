@@ -1,9 +1,11 @@
 //! A robot: from logs and a model file with wrong inertias to the same file with identified ones.
 
-use crate::support::{expect, folder, json, repo, unwrapped};
+use crate::support::{aloft, expect, folder, json, repo, unwrapped};
 use std::fs;
 use std::io::Read as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use tempfile::TempDir;
 
 pub fn copy(from: &Path, to: &Path) {
     fs::create_dir_all(to).unwrap();
@@ -16,6 +18,88 @@ pub fn copy(from: &Path, to: &Path) {
             let _ = fs::copy(&path, &target).unwrap();
         }
     }
+}
+
+/// The laboratory of the robot in a folder of its own, in which a test may change files.
+struct Lab {
+    dir: TempDir,
+    data: PathBuf,
+}
+
+impl Lab {
+    fn new() -> Self {
+        let dir = folder();
+        let data = dir.path().join("lab");
+        copy(Path::new(&repo("fixtures/robot")), &data);
+        Self { dir, data }
+    }
+    fn workspace(&self) -> PathBuf {
+        self.dir.path().join("ws")
+    }
+    /// Words of a command about this laboratory: the pipeline comes after the verb.
+    fn words(&self, verb: &[&str], rest: &[&str]) -> Vec<String> {
+        let (data, ws) = (self.data.display().to_string(), self.workspace().display().to_string());
+        let places = ["--data", &data, "--workspace", &ws];
+        [verb, &[&repo("pipelines/robot.yaml")], rest, &places].concat().iter().map(|w| (*w).to_owned()).collect()
+    }
+    fn try_to(&self, verb: &[&str], rest: &[&str]) -> Output {
+        let words = self.words(verb, rest);
+        aloft(&words.iter().map(String::as_str).collect::<Vec<_>>())
+    }
+    /// What a command told on both streams; it ends with `code`.
+    fn call(&self, verb: &[&str], rest: &[&str], code: i32) -> String {
+        let words = self.words(verb, rest);
+        let (told, said) = expect(&words.iter().map(String::as_str).collect::<Vec<_>>(), code);
+        told + &said
+    }
+    fn json(&self, verb: &[&str]) -> serde_json::Value {
+        let words = self.words(verb, &["--json"]);
+        json(&words.iter().map(String::as_str).collect::<Vec<_>>())
+    }
+    /// A result in the workspace.
+    fn result(&self, file: &str) -> String {
+        fs::read_to_string(self.workspace().join(file)).unwrap()
+    }
+    /// Rewrites a recording's log, unpacked.
+    fn rewrite_log(&self, trial: &str, change: &dyn Fn(&str) -> String) {
+        let packed = self.data.join(format!("{trial}_robot.csv.gz"));
+        let mut text = String::new();
+        let bytes = fs::read(&packed).unwrap();
+        flate2::read::GzDecoder::new(bytes.as_slice()).read_to_string(&mut text).unwrap();
+        fs::remove_file(&packed).unwrap();
+        fs::write(self.data.join(format!("{trial}_robot.csv")), change(&text)).unwrap();
+    }
+    /// Changes the values of a recording's log: `change` gets the column and the value.
+    fn change_log(&self, trial: &str, change: &dyn Fn(&str, f64) -> f64) {
+        self.rewrite_log(trial, &|text| changed(text, change));
+    }
+    /// The same for the recording of the base.
+    fn change_base(&self, trial: &str, change: &dyn Fn(&str, f64) -> f64) {
+        let file = self.data.join(format!("{trial}_base.csv"));
+        fs::write(&file, changed(&fs::read_to_string(&file).unwrap(), change)).unwrap();
+    }
+    /// Replaces a text in the robot's description.
+    fn describe(&self, from: &str, to: &str) {
+        let file = self.data.join("robot.yaml");
+        let text = fs::read_to_string(&file).unwrap();
+        assert!(text.contains(from));
+        fs::write(&file, text.replacen(from, to, 1)).unwrap();
+    }
+}
+
+fn changed(text: &str, change: &dyn Fn(&str, f64) -> f64) -> String {
+    let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
+    let rows = text.lines().enumerate().map(|(i, line)| {
+        let fields = line.split(',').zip(&head).map(|(f, name)| match f.parse::<f64>() {
+            Ok(x) if i > 0 => {
+                let y = change(name, x);
+                if y == x { f.to_owned() } else { format!("{y:.9}") }
+            }
+            _ => f.to_owned(),
+        });
+        fields.collect::<Vec<_>>().join(",") + "\n"
+    });
+    rows.collect()
 }
 
 #[test]
@@ -99,92 +183,44 @@ fn a_robot_goes_from_logs_to_a_patched_model_file() {
 
 #[test]
 fn a_log_without_a_joint_fails_with_one_line_that_names_it() {
-    let dir = folder();
-    let data = dir.path().join("lab");
-    copy(Path::new(&repo("fixtures/robot")), &data);
-    let log = data.join("throw_01_robot.csv");
-    fs::remove_file(data.join("throw_01_robot.csv.gz")).unwrap();
+    let lab = Lab::new();
     let rows: String = (0..20).map(|i| format!("{},0,0,0\n", 0.004 * f64::from(i))).collect();
-    fs::write(&log, format!("time_s,q_l_shoulder_rad,q_l_elbow_rad,q_r_shoulder_rad\n{rows}")).unwrap();
-    let ws = dir.path().join("ws").display().to_string();
-    let data = data.display().to_string();
-    let (_, told) = expect(&["run", &repo("pipelines/robot.yaml"), "--data", &data, "--workspace", &ws], 1);
+    let head = "time_s,q_l_shoulder_rad,q_l_elbow_rad,q_r_shoulder_rad";
+    lab.rewrite_log("throw_01", &|_| format!("{head}\n{rows}"));
+    let told = lab.call(&["run"], &[], 1);
     let told: Vec<&str> = told.lines().filter(|l| l.contains("r_elbow")).collect();
     assert!(!told.is_empty() && told[0].contains("throw_01_robot.csv"), "{told:?}");
-}
-
-/// Changes the values of a recording's log, which is written unpacked: `change` gets the column and
-/// the value.
-fn log_changed(data: &Path, trial: &str, change: &dyn Fn(&str, f64) -> f64) {
-    let packed = data.join(format!("{trial}_robot.csv.gz"));
-    let mut text = String::new();
-    let bytes = fs::read(&packed).unwrap();
-    flate2::read::GzDecoder::new(bytes.as_slice()).read_to_string(&mut text).unwrap();
-    fs::remove_file(&packed).unwrap();
-    fs::write(data.join(format!("{trial}_robot.csv")), changed(&text, change)).unwrap();
-}
-
-/// The same for the recording of the base.
-fn base_changed(data: &Path, trial: &str, change: &dyn Fn(&str, f64) -> f64) {
-    let file = data.join(format!("{trial}_base.csv"));
-    fs::write(&file, changed(&fs::read_to_string(&file).unwrap(), change)).unwrap();
-}
-
-fn changed(text: &str, change: &dyn Fn(&str, f64) -> f64) -> String {
-    let head: Vec<&str> = text.lines().next().unwrap().split(',').collect();
-    let rows = text.lines().enumerate().map(|(i, line)| {
-        let fields = line.split(',').zip(&head).map(|(f, name)| match f.parse::<f64>() {
-            Ok(x) if i > 0 => {
-                let y = change(name, x);
-                if y == x { f.to_owned() } else { format!("{y:.9}") }
-            }
-            _ => f.to_owned(),
-        });
-        fields.collect::<Vec<_>>().join(",") + "\n"
-    });
-    rows.collect()
-}
-
-/// Multiplies the measured torques of a recording.
-fn torques_times(data: &Path, trial: &str, factor: f64) {
-    log_changed(data, trial, &|name, x| if name.starts_with("tau") { x * factor } else { x });
 }
 
 /// Each fault is one line that names file, what was found and what was expected; the other
 /// recording goes on.
 #[test]
 fn units_and_a_stuck_encoder_are_named() {
-    type Fault = Box<dyn Fn(&Path)>;
-    let log = |change: &'static dyn Fn(&str, f64) -> f64| -> Fault {
-        Box::new(move |data: &Path| log_changed(data, "throw_01", change))
-    };
-    let base = |change: &'static dyn Fn(&str, f64) -> f64| -> Fault {
-        Box::new(move |data: &Path| base_changed(data, "throw_01", change))
-    };
-    for (fault, expected) in [
-        (log(&|n, x| if n == "time_s" { 1e3 * x } else { x }), "`time_s` steps by 4 from row to row, expected seconds"),
-        (log(&|n, x| if n == "time_s" { 1e9 * x } else { x }), "from row to row, expected seconds"),
-        (base(&|n, x| if n == "time_s" { 1e3 * x } else { x }), "throw_01_base.csv: `time_s` steps by"),
+    type Change = fn(&str, f64) -> f64;
+    let faults: [(bool, Change, &str); 6] = [
+        (true, |n, x| if n == "time_s" { 1e3 * x } else { x }, "`time_s` steps by 4 from row to row, expected seconds"),
+        (true, |n, x| if n == "time_s" { 1e9 * x } else { x }, "from row to row, expected seconds"),
+        (false, |n, x| if n == "time_s" { 1e3 * x } else { x }, "throw_01_base.csv: `time_s` steps by"),
         (
-            log(&|n, x| if n == "q_l_elbow_rad" { 0.3 } else { x }),
+            true,
+            |n, x| if n == "q_l_elbow_rad" { 0.3 } else { x },
             "the position of the joint `l_elbow` stays within 0.0e0 while its rate reaches",
         ),
-        (log(&|n, x| if n.starts_with("acc_") { x / 9.81 } else { x }), "in g, expected m/s²"),
+        (true, |n, x| if n.starts_with("acc_") { x / 9.81 } else { x }, "in g, expected m/s²"),
         (
-            base(&|n, x| if n.ends_with("_m") { 1e3 * x } else { x }),
+            false,
+            |n, x| if n.ends_with("_m") { 1e3 * x } else { x },
             "expected at most 500 m in one recording: millimetres?",
         ),
-    ] {
-        let dir = folder();
-        let data = dir.path().join("lab");
-        copy(Path::new(&repo("fixtures/robot")), &data);
-        fault(&data);
-        let ws = dir.path().join("ws").display().to_string();
-        let (_, told) = expect(
-            &["run", &repo("pipelines/robot.yaml"), "--data", &data.display().to_string(), "--workspace", &ws],
-            1,
-        );
-        let told = unwrapped(told.as_bytes());
+    ];
+    for (in_log, change, expected) in faults {
+        let lab = Lab::new();
+        if in_log {
+            lab.change_log("throw_01", &change)
+        } else {
+            lab.change_base("throw_01", &change)
+        }
+        let told = unwrapped(lab.call(&["run"], &[], 1).as_bytes());
         assert!(told.contains(expected) && told.contains("failed: import throw_01"), "expected {expected}: {told}");
     }
 }
@@ -192,111 +228,67 @@ fn units_and_a_stuck_encoder_are_named() {
 #[test]
 fn slips_in_the_description_are_named() {
     for (from, to, expected) in [
-        ("total_mass_kg", "total_mas_kg", "`total_mas_kg` is no key of a robot's description"),
-        ("acc_m_s2", "acc_ms2", "`acc_ms2` in `noise` is no key"),
+        ("total_mass_kg", "total_mas_kg", "unknown key `total_mas_kg`"),
+        ("acc_m_s2", "acc_ms2", "unknown key `acc_ms2` in `noise`"),
         (
             "imu: {link: trunk",
             "imu: {link: chest",
             "the inertial unit is on the link `chest`, which is not in the model",
         ),
     ] {
-        let dir = folder();
-        let data = dir.path().join("lab");
-        copy(Path::new(&repo("fixtures/robot")), &data);
-        let file = data.join("robot.yaml");
-        let text = fs::read_to_string(&file).unwrap();
-        assert!(text.contains(from));
-        fs::write(&file, text.replacen(from, to, 1)).unwrap();
-        let ws = dir.path().join("ws").display().to_string();
-        let words = ["run", &repo("pipelines/robot.yaml"), "--data", &data.display().to_string(), "--workspace", &ws];
-        let said = crate::support::aloft(&words);
+        let lab = Lab::new();
+        lab.describe(from, to);
+        let said = lab.try_to(&["run"], &[]);
         let told = unwrapped(&[said.stdout, said.stderr].concat());
         assert!(!said.status.success() && told.contains(expected), "expected {expected}: {told}");
     }
     // what the laboratory notes for itself is its own business
-    let dir = folder();
-    let data = dir.path().join("lab");
-    copy(Path::new(&repo("fixtures/robot")), &data);
-    let file = data.join("robot.yaml");
-    fs::write(&file, format!("{}operator: Ann\nbattery_v: 48\n", fs::read_to_string(&file).unwrap())).unwrap();
-    let ws = dir.path().join("ws").display().to_string();
-    expect(&["run", &repo("pipelines/robot.yaml"), "--data", &data.display().to_string(), "--workspace", &ws], 0);
+    let lab = Lab::new();
+    lab.describe("total_mass_kg", "operator: Ann\nbattery_v: 48\ntotal_mass_kg");
+    lab.call(&["run"], &[], 0);
 }
 
 /// Inertias of a model that the recordings contradict are not handed on as if they were good.
 #[test]
-fn inertias_of_a_contradicted_model_are_refused_or_marked() {
-    let dir = folder();
-    let data = dir.path().join("lab");
-    copy(Path::new(&repo("fixtures/robot")), &data);
+fn inertias_of_a_contradicted_model_are_marked() {
+    let lab = Lab::new();
     // left and right exchanged in every column of both shoulders
+    let swap = |s: &str| s.replace("l_shoulder", "#").replace("r_shoulder", "l_shoulder").replace('#', "r_shoulder");
     for trial in ["throw_01", "throw_02"] {
-        let packed = data.join(format!("{trial}_robot.csv.gz"));
-        let mut text = String::new();
-        let bytes = fs::read(&packed).unwrap();
-        flate2::read::GzDecoder::new(bytes.as_slice()).read_to_string(&mut text).unwrap();
-        let (head, rows) = text.split_once('\n').unwrap();
-        let swap =
-            |s: &str| s.replace("l_shoulder", "#").replace("r_shoulder", "l_shoulder").replace('#', "r_shoulder");
-        fs::remove_file(&packed).unwrap();
-        fs::write(data.join(format!("{trial}_robot.csv")), format!("{}\n{rows}", swap(head))).unwrap();
+        lab.rewrite_log(trial, &|text| {
+            let (head, rows) = text.split_once('\n').unwrap();
+            format!("{}\n{rows}", swap(head))
+        });
     }
-    let ws = dir.path().join("ws").display().to_string();
-    let (robot, data) = (repo("pipelines/robot.yaml"), data.display().to_string());
-    expect(&["run", &robot, "--data", &data, "--workspace", &ws], 0);
-    let out = dir.path().join("out").display().to_string();
-    let said = crate::support::aloft(&[
-        "export",
-        &robot,
-        "--data",
-        &data,
-        "--workspace",
-        &ws,
-        "--format",
-        "urdf",
-        "--out",
-        &out,
-    ]);
-    let told = unwrapped(&[said.stdout, said.stderr].concat());
-    let written = fs::read_to_string(format!("{out}/Models/nominal_identified.urdf")).ok();
-    match written {
-        None => assert!(told.contains("on held-out flights the identified body errs by"), "{told}"),
-        Some(text) => assert!(text.contains("CAUTION: the held-out error in flight is"), "{text}"),
-    }
+    lab.call(&["run"], &[], 0);
+    let out = lab.dir.path().join("out");
+    lab.call(&["export"], &["--format", "urdf", "--out", &out.display().to_string()], 0);
+    let written = fs::read_to_string(out.join("Models/nominal_identified.urdf")).unwrap();
+    assert!(written.contains("CAUTION: the held-out error in flight is"), "{written}");
 }
 
 #[test]
 fn torques_in_other_units_and_a_wrong_mass_are_named() {
-    let robot = repo("pipelines/robot.yaml");
     for (factor, expected) in [
         (1000.0, "those that the motion needs, expected N·m"),
         (-1.0, "the torques have the opposite sign of those that the motion needs"),
     ] {
-        let dir = folder();
-        let data = dir.path().join("lab");
-        copy(Path::new(&repo("fixtures/robot")), &data);
-        torques_times(&data, "throw_01", factor);
-        torques_times(&data, "throw_02", factor);
-        let (ws, data) = (dir.path().join("ws").display().to_string(), data.display().to_string());
-        let (told, said) = expect(&["run", &robot, "--data", &data, "--workspace", &ws, "--details"], 0);
-        assert!((told.clone() + &said).contains(expected), "{factor}: {told}{said}");
+        let lab = Lab::new();
+        for trial in ["throw_01", "throw_02"] {
+            lab.change_log(trial, &|name, x| if name.starts_with("tau") { x * factor } else { x });
+        }
+        let told = lab.call(&["run"], &["--details"], 0);
+        assert!(told.contains(expected), "{factor}: {told}");
         // the base rows need no torque
-        assert!(!Path::new(&format!("{ws}/identify/_study/joints.json")).exists());
+        assert!(!lab.workspace().join("identify/_study/joints.json").exists());
     }
-    let dir = folder();
-    let data = dir.path().join("lab");
-    copy(Path::new(&repo("fixtures/robot")), &data);
-    let described = fs::read_to_string(data.join("robot.yaml")).unwrap();
-    let run = |mass: &str, code: i32| {
-        fs::write(data.join("robot.yaml"), described.replace("total_mass_kg: 5.400", mass)).unwrap();
-        let (ws, data) = (dir.path().join("ws").display().to_string(), data.display().to_string());
-        let (told, said) = expect(&["run", &robot, "--data", &data, "--workspace", &ws, "--details"], code);
-        told + &said
-    };
-    let told = run("total_mass_kg: 5400", 1);
+    let lab = Lab::new();
+    lab.describe("total_mass_kg: 5.400", "total_mass_kg: 5400");
+    let told = lab.call(&["run"], &["--details"], 1);
     assert!(told.contains("weighs 5400 kg, and the links of model/nominal.urdf weigh 5.42 kg together"), "{told}");
     // a quarter too heavy: the torques do not agree
-    let told = run("total_mass_kg: 6.75", 0);
+    lab.describe("total_mass_kg: 5400", "total_mass_kg: 6.75");
+    let told = lab.call(&["run"], &["--details"], 0);
     assert!(told.contains("too small for a robot of 6.75 kg"), "{told}");
 }
 
@@ -304,29 +296,12 @@ fn torques_in_other_units_and_a_wrong_mass_are_named() {
 /// its size.
 #[test]
 fn an_encoder_with_a_wrong_zero_is_found() {
-    let dir = folder();
-    let data = dir.path().join("lab");
-    copy(Path::new(&repo("fixtures/robot")), &data);
+    let lab = Lab::new();
     for trial in ["throw_01", "throw_02"] {
-        let packed = data.join(format!("{trial}_robot.csv.gz"));
-        let mut text = String::new();
-        let bytes = fs::read(&packed).unwrap();
-        flate2::read::GzDecoder::new(bytes.as_slice()).read_to_string(&mut text).unwrap();
-        let column = text.lines().next().unwrap().split(',').position(|c| c == "q_l_shoulder_rad").unwrap();
-        let rows = text.lines().enumerate().map(|(i, line)| {
-            let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
-            if i > 0 {
-                fields[column] = format!("{:.6}", fields[column].parse::<f64>().unwrap() + 0.05);
-            }
-            fields.join(",") + "\n"
-        });
-        fs::remove_file(&packed).unwrap();
-        fs::write(data.join(format!("{trial}_robot.csv")), rows.collect::<String>()).unwrap();
+        lab.change_log(trial, &|name, x| if name == "q_l_shoulder_rad" { x + 0.05 } else { x });
     }
-    let ws = dir.path().join("ws").display().to_string();
-    let (robot, data) = (repo("pipelines/robot.yaml"), data.display().to_string());
-    expect(&["run", &robot, "--data", &data, "--workspace", &ws], 0);
-    let found = json(&["discover", &robot, "--data", &data, "--workspace", &ws, "--json"]);
+    lab.call(&["run"], &[], 0);
+    let found = lab.json(&["discover"]);
     assert_eq!(found["found"][0]["key"], "encoder_offset[l_upper]", "{}", found["words"]);
     let ranked = found["candidates"].as_array().unwrap();
     assert_eq!(ranked[0]["key"], "encoder_offset[l_upper]", "{}", ranked[0]);
@@ -410,26 +385,16 @@ fn inertias_stay_inside_the_collision_geometry() {
 /// whose torque has the wrong sign is named.
 #[test]
 fn joints_are_identified_beside_a_flywheel_in_the_root() {
-    let dir = folder();
-    let data = dir.path().join("lab");
-    copy(Path::new(&repo("fixtures/robot")), &data);
+    let lab = Lab::new();
     for trial in ["throw_01", "throw_02"] {
-        log_changed(&data, trial, &|name, x| if name == "tau_meas_l_elbow_nm" { -x } else { x });
+        lab.change_log(trial, &|name, x| if name == "tau_meas_l_elbow_nm" { -x } else { x });
     }
-    let ws = dir.path().join("ws").display().to_string();
-    let (robot, data) = (repo("pipelines/robot.yaml"), data.display().to_string());
-    let words = |verb: &[&str]| [verb, &["--data", &data, "--workspace", &ws]].concat().join("\n");
-    let call = |verb: &[&str]| {
-        let line = words(verb);
-        expect(&line.split('\n').collect::<Vec<_>>(), 0)
-    };
-    call(&["run", &robot]);
-    let manifest = fs::read_to_string(format!("{ws}/identify/_study/manifest.json")).unwrap();
+    lab.call(&["run"], &[], 0);
+    let manifest = lab.result("identify/_study/manifest.json");
     let told = "the torque of the joint `l_elbow` would need negative friction";
     assert!(manifest.contains(told) && manifest.matches("would need negative friction").count() == 1, "{manifest}");
-    call(&["effect", "add", &robot, "flywheel[trunk]"]);
-    let fit: serde_json::Value =
-        serde_json::from_str(&fs::read_to_string(format!("{ws}/identify/_study/joints.json")).unwrap()).unwrap();
+    lab.call(&["effect", "add"], &["flywheel[trunk]"], 0);
+    let fit: serde_json::Value = serde_json::from_str(&lab.result("identify/_study/joints.json")).unwrap();
     assert_eq!(fit["joints"].as_array().unwrap().len(), 4);
     let friction = fit["joints"][0]["friction"]["value"].as_f64().unwrap();
     assert!((friction - 0.12).abs() < 0.05, "{friction}");

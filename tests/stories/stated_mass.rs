@@ -65,7 +65,7 @@ fn a_mass_that_the_plates_contradict_comes_first() {
     let (path, ws) = (pipeline.display().to_string(), dir.path().join("ws").display().to_string());
     let (shown, _) = expect(&["run", &path, "--workspace", &ws], 0);
     let shown = unwrapped(shown.as_bytes());
-    assert!(shown.contains("158.7 kg are stated: correct `mass_kg`"), "{shown}");
+    assert!(shown.contains("158.7 kg is stated: correct `mass_kg`"), "{shown}");
     for command in ["compare", "history"] {
         let (shown, told) = expect(&[command, &path, "--workspace", &ws], 0);
         let told = unwrapped(told.as_bytes());

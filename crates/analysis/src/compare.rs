@@ -1,19 +1,18 @@
 //! `compare`: model against measurement, read from the results of the stage `compare`.
 
 use crate::held_out::{HeldOutError, weight_n};
+use crate::impulse_mass::{ImpulseMassView, impulse_mass};
+use crate::kinematics::{KinematicsRow, failed_stage, kinematics};
 use aloft_body::{EstimatedPoints, Subject};
 use aloft_compare::{Comparison, ModelComparison};
-use aloft_flight::ImpulseMass;
 use aloft_identify::{Determination, Origin, Parameters, Sigma};
 use aloft_ik::CalibrationReport;
 use aloft_pipeline::results::parameters_file;
-use aloft_pipeline::stages::STAGES;
-use aloft_pipeline::stages::flight::gravity_error_percent;
 use aloft_pipeline::stages::identify::NOTHING_IDENTIFIED;
 use aloft_study::subject_session::SubjectSession;
-use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json;
-use aloft_workspace::manifest::{Outcome, WHOLE_STUDY};
+use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 
@@ -66,28 +65,6 @@ pub struct LeftOut {
     pub because: String,
 }
 
-/// Body mass from the impulse of the force plates between flights, compared with the stated mass.
-#[derive(Debug, Clone, Serialize)]
-pub struct ImpulseMassView {
-    /// Mean over contacts, kg.
-    pub mass_kg: f64,
-    /// 95 % interval of the mean, kg; none for one contact.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub ci95: Option<[f64; 2]>,
-    /// Smallest and largest, kg.
-    pub range_kg: [f64; 2],
-    /// Contacts between two flights.
-    pub contacts: usize,
-    /// Stated mass, kg.
-    pub stated_kg: f64,
-    /// What to check if the two masses disagree.
-    pub doubt: Option<String>,
-    /// What to correct first, where the two differ so much that no other number of the comparison
-    /// can be trusted although bodies fall freely in flight.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub wrong: Option<String>,
-}
-
 /// What calibration changed in the geometry and how much it reduced the marker error.
 #[derive(Debug, Clone, Serialize)]
 pub struct CalibrationView {
@@ -126,8 +103,8 @@ pub struct ParametersBrief {
     /// sentence; none otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub to_do: Option<String>,
-    /// True if the gate did not pass while the error is far above its floor: something missing
-    /// hides the body.
+    /// True if the gate did not pass while the error is far above its floor: the
+    /// error is too large to determine the body.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub hidden_by_error: bool,
     /// Body mass, kg.
@@ -268,22 +245,6 @@ fn smoothed_hz(ws: &Workspace, comparison: &Comparison) -> Option<f64> {
     comparison.first.trials.iter().filter_map(|t| of(&t.trial)).min_by(f64::total_cmp)
 }
 
-/// One trial's kinematics.
-#[derive(Debug, Clone, Serialize)]
-pub struct KinematicsRow {
-    /// Trial name.
-    pub trial: String,
-    /// Role.
-    pub role: &'static str,
-    /// Root mean square marker error, mm.
-    pub marker_rms_mm: Option<f64>,
-    /// Flights.
-    pub flights: Option<u64>,
-    /// Mean vertical acceleration of the prior's centre of mass in flight over −g, minus one,
-    /// percent.
-    pub gravity_error_percent: Option<f64>,
-}
-
 /// Stages whose results the comparison is read from.
 pub const READS: [&str; 5] = ["compare", "identify", "calibrate", "flight", "ik"];
 
@@ -316,7 +277,7 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
     if let Some(times) = far_above(&comparison).filter(|_| !gate_passed && brief.to_do.is_some()) {
         brief.hidden_by_error = true;
         brief.to_do = Some(format!(
-            "ask `discover` first: an error of {times:.0} times its floor hides what the flights say of the body; then record more flights ({} \
+            "ask `discover` first: an error of {times:.0} times its floor is too large to determine the body; then record more flights ({} \
              now) if the gate still does not pass",
             brief.flights
         ));
@@ -364,90 +325,11 @@ fn left_out(session: &SubjectSession, ws: &Workspace, comparison: &Comparison) -
         .collect()
 }
 
-/// The first stage of a trial that failed. Results of later stages, if there are any, are of an
-/// earlier run and no longer valid.
-pub fn failed_stage(ws: &Workspace, trial: &str) -> Option<(&'static str, StageFailure)> {
-    STAGES.iter().find_map(|s| match ws.manifest(s.name, trial)?.outcome {
-        Outcome::Failed(f) => Some((s.name, f)),
-        Outcome::Ok => None,
-    })
-}
-
-/// Relative difference between the two masses above which they are doubted.
-const MASS_DOUBT: f64 = 0.02;
-/// Relative difference above which nothing else of the comparison is trusted.
-const MASS_WRONG: f64 = 0.1;
-/// Deviation from free fall in flight below which nothing carries the body, percent of g.
-const FREE_FALL_PERCENT: f64 = 5.0;
-
-/// Mass from impulse over all trials with plates and at least two flights.
-pub fn impulse_mass(session: &SubjectSession, ws: &Workspace) -> Option<ImpulseMassView> {
-    let mut masses: Vec<f64> = session
-        .included()
-        .filter(|t| t.role.is_dynamic())
-        .filter_map(|t| read_json::<Vec<ImpulseMass>>(&ws.place("flight", &t.name).join("impulse_mass.json")).ok())
-        .flatten()
-        .map(|m| m.mass_kg)
-        .collect();
-    let (mass_kg, half, contacts) = crate::session_check::mass_by_impulse(&masses)?;
-    masses.sort_by(f64::total_cmp);
-    let (first, last) = (*masses.first()?, *masses.last()?);
-    let stated_kg = session.facts.person.mass_kg;
-    let off = mass_kg / stated_kg - 1.0;
-    // effects of the model act on the impulse, too, and may account for the difference
-    let doubt = (masses.len() >= 3 && off.abs() > MASS_DOUBT && session.effects.is_empty()).then(|| {
-        format!(
-            "{:+.1} % of the stated {stated_kg:.2} kg: the stated mass, the plates' gain or their tare at rest is wrong, a \
-             foot was beside the plates, or something else holds the body",
-            100.0 * off
-        )
-    });
-    // what carries the body shows in flight as well; a wrong mass or gain does not
-    let mut falls: Vec<f64> =
-        kinematics(session, ws).iter().filter_map(|k| k.gravity_error_percent).map(f64::abs).collect();
-    let free = !falls.is_empty() && aloft_signal::median(&mut falls) < FREE_FALL_PERCENT;
-    let wrong = (contacts >= 2 && off.abs() > MASS_WRONG && free && session.effects.is_empty()).then(|| {
-        format!(
-            "the plates weigh the body at {mass_kg:.1} kg and {stated_kg:.1} kg are stated: correct `mass_kg` (or the plates' scale), then run again"
-        )
-    });
-    let ci95 = half.map(|h| [mass_kg - h, mass_kg + h]);
-    Some(ImpulseMassView { mass_kg, ci95, range_kg: [first, last], contacts, stated_kg, doubt, wrong })
-}
-
 /// The calibration report, and whether the calibrated geometry is used.
 pub fn calibration(ws: &Workspace) -> Option<CalibrationView> {
     let report: CalibrationReport = read_json(&ws.place("calibrate", WHOLE_STUDY).join("report.json")).ok()?;
     let used = ws.manifest("calibrate", WHOLE_STUDY)?.summary.get("used")?.as_bool()?;
     Some(CalibrationView { used, held_out_rms_m: [report.held_out_rms_before_m, report.held_out_rms_after_m], report })
-}
-
-/// Marker error, flights and the free-fall check of every dynamic trial.
-pub fn kinematics(session: &SubjectSession, ws: &Workspace) -> Vec<KinematicsRow> {
-    session
-        .included()
-        .filter(|t| t.role.is_dynamic())
-        .map(|t| {
-            let failed = failed_stage(ws, &t.name).map(|(stage, _)| stage);
-            // what later stages left is of an earlier recording or setting
-            let valid = |stage: &str| {
-                let at = |name: &str| STAGES.iter().position(|s| s.name == name);
-                failed.is_none_or(|f| at(stage) < at(f))
-            };
-            let flights: Option<aloft_flight::FlightReport> =
-                read_json(&ws.place("flight", &t.name).join("flights.json")).ok().filter(|_| valid("flight"));
-            let ik = ws.manifest("ik", &t.name).filter(|_| valid("ik"));
-            let gravity_error_percent =
-                flights.as_ref().and_then(|r| gravity_error_percent(r, session.facts.gravity_mps2));
-            KinematicsRow {
-                trial: t.name.clone(),
-                role: t.role.word(),
-                marker_rms_mm: ik.and_then(|m| m.summary.get("marker_rms_mm").and_then(serde_json::Value::as_f64)),
-                flights: flights.map(|r| r.flights.len() as u64),
-                gravity_error_percent,
-            }
-        })
-        .collect()
 }
 
 /// Held-out motion on which an error is judged.

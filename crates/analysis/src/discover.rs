@@ -239,13 +239,19 @@ fn standing(session: &SubjectSession, place: &str) -> Option<HeldOutResult> {
         held_out_error: against.held_out_error,
         noise_floor: floor.noise_floor,
         noise_floor_ci95: floor.ci95,
+        by_parameters: None,
     })
 }
 
 /// A held-out error as the ranking takes it; none without a floor.
 fn standing_of(e: &HeldOutError) -> Option<HeldOutResult> {
     let noise_floor = e.noise_floor?;
-    Some(HeldOutResult { held_out_error: e.held_out_error, noise_floor, noise_floor_ci95: e.noise_floor_ci95 })
+    Some(HeldOutResult {
+        held_out_error: e.held_out_error,
+        noise_floor,
+        noise_floor_ci95: e.noise_floor_ci95,
+        by_parameters: None,
+    })
 }
 
 /// The discovery as `--json` shows it.

@@ -1,7 +1,8 @@
 //! `history`: the revisions of a model, and what each of them reached.
 
-use crate::compare::{ComparisonView, JudgedOn, compare, impulse_mass};
+use crate::compare::{ComparisonView, JudgedOn, compare};
 use crate::held_out::{HeldOutError, weight_n};
+use crate::impulse_mass::impulse_mass;
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
 use aloft_pipeline::made::{compared_effects, made_with};

@@ -5,6 +5,7 @@
 //! from an identified model. A line without an interval is a reading, not a measurement with known
 //! error.
 
+use crate::impulse_mass::mass_by_impulse;
 use crate::persons::{persons, several_persons};
 use crate::repeated::{repeated, repeated_words};
 use aloft_flight::{Coverage, FlightReport, ImpulseMass, PlateDelay, PlateTare, TareSource, Unmeasured};
@@ -76,17 +77,6 @@ pub struct SessionCheck {
 fn mean(values: &[f64]) -> Option<(f64, f64, usize)> {
     let (mean, deviation) = mean_and_deviation(values)?;
     Some((mean, deviation / (values.len() as f64).sqrt(), values.len()))
-}
-
-/// Mean of the masses that single contacts between two flights gave, half of its 95 % interval
-/// (none for one contact), and their number.
-pub(crate) fn mass_by_impulse(masses: &[f64]) -> Option<(f64, Option<f64>, usize)> {
-    /// Velocities of a table's centre of mass, 95 %, common to all contacts.
-    const COMMON: f64 = 0.01;
-    mean(masses).map(|(value, se, n)| {
-        let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite());
-        (value, half.map(|h| h.hypot(COMMON * value)), n)
-    })
 }
 
 fn status(ci95: Option<[f64; 2]>, expected: Option<f64>) -> LineStatus {

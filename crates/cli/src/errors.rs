@@ -70,7 +70,7 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
     let rest = if tables > 0 { format!("{scale}, {tables} from tables") } else { scale };
     let gate = match (p.gate_passed, p.hidden_by_error) {
         (true, _) => "gate passed",
-        (false, true) => "gate not passed: the error hides the body",
+        (false, true) => "gate not passed: the error is too large to determine the body",
         (false, false) => "gate not passed: too little motion to determine the body",
     };
     let words = format!("{} of {} parameters from motion{rest}; {gate}", p.from_motion, p.in_all);
@@ -146,7 +146,7 @@ fn constant(view: &ComparisonView) -> Option<String> {
     let hidden = (measured * measured - shown * shown).max(0.0).sqrt();
     (hidden > floor_n && measured > MUCH * shown).then(|| {
         let text = format!(
-            "{} N in contact as measured: constants of plates never unloaded are taken off",
+            "{} N in contact as measured: a constant force was subtracted for plates that are never unloaded",
             significant(measured, 3)
         );
         crate::screen::one_line("hidden      ", &text)

@@ -46,7 +46,7 @@ fn one(law: &FoundLaw) -> Result<(), Stop> {
     out(labelled(&format!("    strength ({of}) = "), &law.strength.to_string()))?;
     let mut t = table(&["    constant", "value", "± 95 %", "unit"]).left(&[3]);
     let values = law.coefficients.iter().chain(&law.parameters).map(|e| (e, "–"));
-    for (e, without) in values.chain(law.point.iter().map(|e| (e, "any (along the force)"))) {
+    for (e, without) in values.chain(law.point.iter().map(|e| (e, "not determined along the force"))) {
         let half = match e.ci95 {
             _ if e.at_bound => "at its bound".to_owned(),
             Some(_) => half(e.ci95),

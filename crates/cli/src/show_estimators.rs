@@ -5,8 +5,9 @@ use crate::render::{out, significant, table};
 use crate::screen::labelled;
 use crate::stop::Stop;
 use aloft_analysis::assess::Assessment;
-use aloft_analysis::compare::{CalibrationView, ImpulseMassView};
+use aloft_analysis::compare::CalibrationView;
 use aloft_analysis::estimators::{ErrorsBrief, EstimatorsView, LeaveOneOutView};
+use aloft_analysis::impulse_mass::ImpulseMassView;
 use aloft_analysis::next_flights::{Expected, NextFlights};
 use aloft_analysis::wording::model_word;
 

@@ -16,11 +16,6 @@ use crate::session::Session;
 use crate::wording;
 use aloft_effects::{Effect, EffectInstance};
 
-/// Flights from which a recording is predicted up to which their errors in the parameters are a
-/// large part of the held-out error, if each flight stands for more than this many parameters.
-const FEW_FLIGHTS: usize = 3;
-const MANY_PARAMETERS: usize = 10;
-
 /// What the rounds of a discovery made.
 pub(crate) struct RoundResults<'a> {
     /// Rounds in their order.
@@ -150,7 +145,11 @@ pub(crate) fn conclude(
         share.is_finite().then_some(HeldOutResult { held_out_error: model_error.held_out_error * share, ..model_error })
     };
     let estimates = [estimated(0), estimated(1)];
-    let left = [0, 1].map(|i| computed.and_then(|c| c[i]).or(estimates[i]));
+    let of_stages = |i: usize| {
+        let by_parameters = session.model_error[i].and_then(|s| s.by_parameters);
+        computed.and_then(|c| c[i]).map(|s| HeldOutResult { by_parameters, ..s })
+    };
+    let left = [0, 1].map(|i| of_stages(i).or(estimates[i]));
     let mut out = Discovery {
         schema: 1,
         verdict,
@@ -159,6 +158,7 @@ pub(crate) fn conclude(
         words: String::new(),
         noise_floor: model_error.map_or(f64::NAN, |s| s.noise_floor),
         noise_floor_ci95: model_error.and_then(|s| s.noise_floor_ci95),
+        error_by_parameters: model_error.and_then(|s| s.by_parameters),
         held_out_error: before.sqrt() * scale,
         held_out_error_after: after.sqrt() * scale,
         held_out_error_of_weight: before.sqrt() * scale / weight,
@@ -177,12 +177,6 @@ pub(crate) fn conclude(
     // which effects leave a share that the noise does not account for. Effects found
     // in flight are judged in flight; their error in contact also contains what only contact shows.
     let only_flight = kept.iter().any(|v| v.effect.acts().in_flight()) && has_flights;
-    // where a recording is predicted from a few flights, what these leave open of the body adds to
-    // the error: between 1.5 and 3 floors that is no evidence of anything missing
-    let flights_left = session.fewest_flights_left();
-    let predicted_by_few =
-        has_flights && flights_left <= FEW_FLIGHTS && session.from_full.nrows() > MANY_PARAMETERS * flights_left;
-    let little = |i: usize, after: &HeldOutResult| predicted_by_few && i == 0 && kept.is_empty() && !after.is_far();
     let far = (0..2)
         .filter(|i| *i == 0 || !only_flight)
         .filter_map(|i| {
@@ -193,7 +187,7 @@ pub(crate) fn conclude(
             let misfit = judged_here && share.fold(f64::INFINITY, f64::min) > LACK_OF_FIT;
             // nothing is missing only where the error is at its floor
             let nothing = kept.is_empty() && verdict == Verdict::NothingMissing;
-            let remains = (nothing || lost) && after.is_above() && !little(i, &after);
+            let remains = (nothing || lost) && after.is_above();
             // plates explain nothing of flights: what is above the floor there may be in contact,
             // too
             let only_plates = i == 0 && !kept.is_empty() && !kept.iter().any(|v| v.effect.acts().in_flight());
@@ -213,10 +207,11 @@ pub(crate) fn conclude(
     }
     // an error within the interval of a floor that is hardly known may hold anything
     let undecided = model_error.filter(|s| out.verdict == Verdict::NothingMissing && s.is_undecided());
-    let few = left[0].filter(|after| {
-        out.verdict == Verdict::NothingMissing && undecided.is_none() && after.is_above() && little(0, after)
-    });
-    if undecided.is_some() || few.is_some() {
+    // nor does one that may be of the parameters, which a few flights determine only roughly
+    let rough = left[0]
+        .or(left[1])
+        .filter(|after| out.verdict == Verdict::NothingMissing && undecided.is_none() && after.may_be_parameters());
+    if undecided.is_some() || rough.is_some() {
         out.verdict = Verdict::NotDetectable;
     }
     out.words = if lost && far.is_none() {
@@ -228,8 +223,8 @@ pub(crate) fn conclude(
     if let Some(s) = undecided {
         out.words = wording::undecided(&out, &s);
     }
-    if let Some(s) = few {
-        out.words = wording::few_flights(&out, &s);
+    if let Some(s) = rough {
+        out.words = wording::roughly_determined(&out, &s);
     }
     if let Some(open) = &out.open {
         out.words = wording::with_open(&out, open, far.is_some());

@@ -22,12 +22,22 @@ pub struct HeldOutResult {
     pub noise_floor: f64,
     /// 95 % interval of the floor, N.
     pub noise_floor_ci95: Option<[f64; 2]>,
+    /// Error up to which noise and the errors of parameters that are fitted to the other recordings
+    /// account for it (97.5 %), N; [`Session::with_model_error`](crate::Session::with_model_error)
+    /// computes it from the rows.
+    pub by_parameters: Option<f64>,
 }
 
 impl HeldOutResult {
     /// Held-out error divided by the noise floor.
     pub(crate) fn times_floor(&self) -> f64 {
         self.held_out_error / self.noise_floor
+    }
+
+    /// The largest error that noise and the errors of the parameters account for, N; at least
+    /// `otherwise` where the floor has no interval.
+    fn most(&self, otherwise: f64) -> f64 {
+        self.noise_floor_ci95.map_or(otherwise, |ci| ci[1]).max(self.by_parameters.unwrap_or(0.0))
     }
 
     /// True if an error is not above what a perfect model could leave: the upper end of the floor's
@@ -45,7 +55,7 @@ impl HeldOutResult {
     /// where `after` is within the floor's interval, or this error too near it to tell. The upper
     /// end of that interval counts as the floor, so that the share is a lower limit.
     pub(crate) fn share_left(&self, after: &Self) -> f64 {
-        let most = self.noise_floor_ci95.map_or(f64::INFINITY, |ci| ci[1]).max(NEAR_TIMES_FLOOR * self.noise_floor);
+        let most = self.most(f64::INFINITY).max(NEAR_TIMES_FLOOR * self.noise_floor);
         let above = |error: f64| error * error - most * most;
         if self.noise_floor > 0.0 && self.held_out_error > FAIR_TIMES_FLOOR * most {
             (above(after.held_out_error) / above(self.held_out_error)).max(0.0)
@@ -60,16 +70,23 @@ impl HeldOutResult {
         self.noise_floor > 0.0 && !self.reached_by(self.held_out_error) && self.times_floor() > WORTH_A_SEARCH
     }
 
-    /// True if the error exceeds 1.5 times the floor and the upper end of the floor's interval: too
-    /// much for a body of which nothing is missing (0.7 to 1.3 times the floor in simulations).
+    /// True if the error is beyond the floor's interval and 1.5 times the floor, and the errors of
+    /// the parameters may be the reason.
+    pub(crate) fn may_be_parameters(&self) -> bool {
+        Self { by_parameters: None, ..*self }.is_above() && !self.is_above()
+    }
+
+    /// True if the error exceeds 1.5 times the floor, the upper end of the floor's interval, and
+    /// what the errors of the parameters account for: too much for a body of which nothing is missing (0.7 to 1.3 times the floor in simulations).
     pub(crate) fn is_above(&self) -> bool {
-        let most = self.noise_floor_ci95.map_or(f64::INFINITY, |ci| ci[1]).max(FAIR_TIMES_FLOOR * self.noise_floor);
+        let most = self.most(f64::INFINITY).max(FAIR_TIMES_FLOOR * self.noise_floor);
         self.noise_floor > 0.0 && self.held_out_error > most
     }
 
-    /// True if the error exceeds three times the floor and the upper end of the floor's interval.
+    /// True if the error exceeds three times the floor, the upper end of the floor's interval, and
+    /// what the errors of the parameters account for.
     pub(crate) fn is_far(&self) -> bool {
-        let most = self.noise_floor_ci95.map_or(0.0, |ci| ci[1]).max(POOR_TIMES_FLOOR * self.noise_floor);
+        let most = self.most(0.0).max(POOR_TIMES_FLOOR * self.noise_floor);
         self.noise_floor > 0.0 && most.is_finite() && self.held_out_error > most
     }
 }

@@ -240,6 +240,23 @@ impl Problem {
         self.folds.iter().map(|f| f.error).sum::<f64>() / self.n_judged as f64
     }
 
+    /// Mean square that errors of the parameters add to a held-out row, and its degrees of freedom
+    /// (Satterthwaite): with rows of variance σ² and parameters drawn from the prior, the fit
+    /// without a cluster has the covariance `σ² M_g⁻¹`, and its prediction of the cluster `σ² H_g`
+    /// with `H_g = A_g M_g⁻¹ A_gᵀ`; the mean square has the mean `σ² Σ tr H_g / n` and `(Σ tr H_g)² /
+    /// Σ tr H_g²` degrees. σ² is the variance that weights the prior here.
+    pub fn parameter_error(&self) -> (f64, f64) {
+        let parts = self.clusters.par_iter().zip(&self.folds).map(|(c, fold)| {
+            let judged = c.a.select_rows(&c.judged);
+            // M⁻¹ AᵀA has the eigenvalues of H other than zero
+            let h = fold.cholesky.solve(&judged.tr_mul(&judged));
+            [h.trace(), h.component_mul(&h.transpose()).sum()]
+        });
+        let parts: Vec<[f64; 2]> = parts.collect();
+        let [trace, squares] = [0, 1].map(|k| parts.iter().map(|p| p[k]).sum::<f64>());
+        (self.variance * trace / self.n_judged as f64, trace * trace / squares)
+    }
+
     /// The same rows with `delta` added to the measured side of every cluster.
     pub fn shifted(&self, delta: &[DVector<f64>]) -> Self {
         let mut clusters = self.clusters.clone();

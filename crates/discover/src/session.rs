@@ -10,6 +10,7 @@ use crate::by_stages::{ByStages, Compute};
 use crate::held_out::HeldOutResult;
 use crate::problem::{Domain, Problem};
 use crate::progress::Counter;
+use crate::statistics::chi_square975;
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
 use aloft_identify::Prior;
@@ -240,8 +241,26 @@ impl<'a> Session<'a> {
     /// discovery reports the same errors and the same floor. Ranking does not depend on it.
     #[must_use]
     pub fn with_model_error(mut self, flight: Option<HeldOutResult>, contact: Option<HeldOutResult>) -> Self {
-        self.model_error = [flight, contact];
+        let with_parameters = |place: Domain, result: Option<HeldOutResult>| {
+            result.map(|r| HeldOutResult { by_parameters: self.by_parameters(place, &r), ..r })
+        };
+        self.model_error = [with_parameters(Domain::Flight, flight), with_parameters(Domain::Contact, contact)];
         self
+    }
+
+    /// Error up to which noise and the errors of the parameters account for a held-out error, N:
+    /// `√(F² + v q)` with F the upper end of the floor's interval, v the mean square that parameters
+    /// fitted to the other recordings add where rows have the floor's variance, and q the 97.5 %
+    /// point of such a mean square over its mean. None where it cannot be computed.
+    fn by_parameters(&self, place: Domain, result: &HeldOutResult) -> Option<f64> {
+        let [_, high] = result.noise_floor_ci95?;
+        let variance = (result.noise_floor / self.unit[0]).powi(2);
+        // a recording is predicted from the others, as in the comparison
+        const FEWEST_TRIALS: usize = 2;
+        let problem = Problem::with_variance(self, place, &[], FEWEST_TRIALS, 1.0, Some(variance)).ok()?;
+        let (added, freedom) = problem.parameter_error();
+        let error = (high.powi(2) + self.unit[0].powi(2) * added * chi_square975(freedom)).sqrt();
+        error.is_finite().then_some(error)
     }
 
     /// Computes the error with the effects found by `compute` (flight, contact) instead of
@@ -257,17 +276,6 @@ impl<'a> Session<'a> {
     pub fn with_progress(mut self, told: &'a (dyn Fn(usize, usize) + Sync)) -> Self {
         self.counter = Counter::new(told);
         self
-    }
-
-    /// Number of flights that are left where the recording with most of them is held out; where
-    /// there is one recording alone, where one flight is.
-    pub(crate) fn fewest_flights_left(&self) -> usize {
-        let mut of_trial = vec![0; self.trials.len()];
-        for b in self.blocks.iter().filter(|b| b.kind == StretchKind::Flight) {
-            of_trial[b.trial] += 1;
-        }
-        let (all, most) = (of_trial.iter().sum::<usize>(), of_trial.iter().max().copied().unwrap_or(0));
-        if most == all { all.saturating_sub(1) } else { all - most }
     }
 
     /// Data that were left out, with the reason, in words.

@@ -140,14 +140,17 @@ pub(crate) fn undecided(d: &Discovery, model_error: &HeldOutResult) -> String {
     )
 }
 
-/// The result where no effect convinces, and a recording is predicted from a few flights.
-pub(crate) fn few_flights(d: &Discovery, model_error: &HeldOutResult) -> String {
+/// The result where no effect convinces, and the errors of the parameters may be the reason of the
+/// error.
+pub(crate) fn roughly_determined(d: &Discovery, model_error: &HeldOutResult) -> String {
     let best = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
         format!("; the best candidate, `{}`, leaves {:.1} % of the held-out error", c.key, 100.0 * c.held_out_ratio)
     });
     format!(
-        "not detectable: a recording is predicted from three flights or fewer, and an error of {} times the noise floor may be what so few leave \
-         open of the body{best}",
+        "not detectable: these flights determine the body only roughly, which alone can leave up to {} N on a held-out recording; the error is \
+         {} N, {} times the noise floor{best}",
+        digits(model_error.by_parameters.unwrap_or(f64::NAN), 2),
+        digits(model_error.held_out_error, 2),
         digits(model_error.times_floor(), 2)
     )
 }

@@ -86,7 +86,8 @@ fn nothing_is_claimed_where_nothing_is() {
 #[test]
 fn errors_and_floor_are_those_of_the_comparison() {
     let ci = Some([0.8, 1.45]);
-    let standing = |held_out_error| HeldOutResult { held_out_error, noise_floor: 1.0, noise_floor_ci95: ci };
+    let standing =
+        |held_out_error| HeldOutResult { held_out_error, noise_floor: 1.0, noise_floor_ci95: ci, by_parameters: None };
     // one round: with a floor known, rounds end where the error reaches it
     let options = DiscoverOptions { rounds: 1, ..only(&["quadratic_drag", "gravity_scale"]) };
     let run = |standing: Option<HeldOutResult>, size: f64| {

@@ -70,6 +70,7 @@ impl Lab {
             held_out_error: error(&session),
             noise_floor: floor,
             noise_floor_ci95: Some([0.88 * floor, 1.12 * floor]),
+            by_parameters: None,
         };
         let session = session.with_model_error(Some(standing), None);
         (discover(&session, &catalogue(), &[], &options()).unwrap(), size)

@@ -3,9 +3,12 @@
 //! Short lists stay JSON numbers. Matrices for computing ([`matrix`]) keep twelve digits. Long
 //! lists become base64 of little-endian values, `{"$": "f4" | "i2", "b": …}`; `i2` has a step `"s"`
 //! by which the integers are multiplied. Missing values are null in lists, NaN in `f4`, −32768 in
-//! `i2`.
+//! `i2`. Long text that the page needs only now and then is compressed ([`deflated`]).
 
+use flate2::Compression;
+use flate2::write::DeflateEncoder;
 use serde_json::{Value, json};
+use std::io::Write as _;
 
 const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
@@ -29,6 +32,14 @@ pub fn base64(bytes: &[u8]) -> String {
         }
     }
     out
+}
+
+/// Base64 of a text compressed by DEFLATE (RFC 1951); `Numbers.inflated` of the page reads it.
+pub fn deflated(text: &str) -> String {
+    let mut encoder = DeflateEncoder::new(Vec::new(), Compression::best());
+    // a vector takes everything
+    let written = encoder.write_all(text.as_bytes()).and_then(|()| encoder.finish());
+    base64(&written.unwrap_or_default())
 }
 
 /// One number with six significant digits; null if it is not finite.
@@ -72,7 +83,7 @@ pub struct Shape {
     pub columns: usize,
     /// True to leave out what is below the diagonal.
     pub upper: bool,
-    /// Bytes of each value: 5 keep it within 2⁻⁴⁰ of the largest of its column, 6 within 2⁻⁴⁸.
+    /// Bytes of each value: 4 keep it within 2⁻³² of the largest of its column, 5 within 2⁻⁴⁰.
     pub bytes: usize,
 }
 
@@ -112,6 +123,26 @@ mod tests {
     }
 
     #[test]
+    fn compressed_text_comes_back() {
+        let text = "Nm ".repeat(2_000) + "µ";
+        let packed = deflated(&text);
+        assert!(packed.len() < 100, "{}", packed.len());
+        let bytes: Vec<u8> = packed
+            .trim_end_matches('=')
+            .as_bytes()
+            .chunks(4)
+            .flat_map(|c| {
+                let digit = |b: &u8| DIGITS.iter().position(|d| d == b).unwrap() as u32;
+                let word = c.iter().enumerate().fold(0, |w, (i, b)| w | digit(b) << (18 - 6 * i));
+                word.to_be_bytes()[1..c.len()].to_vec()
+            })
+            .collect();
+        let mut back = String::new();
+        std::io::Read::read_to_string(&mut flate2::read::DeflateDecoder::new(bytes.as_slice()), &mut back).unwrap();
+        assert_eq!(back, text);
+    }
+
+    #[test]
     fn large_values_take_larger_steps() {
         let packed = steps([100.0, -327_670.0], 0.001);
         assert_eq!(packed["s"], 10.0);
@@ -142,7 +173,7 @@ mod tests {
         let exponent = packed["e"][2].as_i64().unwrap() as i32;
         let n = (value(1, 2) / 2f64.powi(exponent)).round();
         assert!((n * 2f64.powi(exponent) / value(1, 2) - 1.0).abs() < 2f64.powi(-39));
-        let longer = matrix(Shape { bytes: 6, ..shape }, value);
-        assert_eq!((longer["e"][0].as_i64(), longer["b"].as_str().unwrap().len()), (Some(-46), 40));
+        let shorter = matrix(Shape { bytes: 4, ..shape }, value);
+        assert_eq!((shorter["e"][0].as_i64(), shorter["b"].as_str().unwrap().len()), (Some(-30), 28));
     }
 }

@@ -1,10 +1,12 @@
 //! Renders the page as HTML with one template.
 
+use crate::pack::deflated;
 use crate::{Block, Page};
 use minijinja::syntax::SyntaxConfig;
 use minijinja::value::Serde;
 use minijinja::{AutoEscape, Environment, Value, context};
 use serde::Serialize;
+use std::sync::LazyLock;
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]
@@ -15,23 +17,37 @@ pub enum ReportError {
     Template(#[from] minijinja::Error),
 }
 
-/// uPlot for line charts, three.js for the player (both MIT, `vendor/README.md`). As text: the
-/// browser reads a library only when something on the page needs it.
-const LIBRARIES: [(&str, &str, &str); 2] = [
-    ("chart", "uplot", include_str!("../vendor/uplot.min.js")),
-    ("player", "three", include_str!("../vendor/three.min.js")),
-];
+/// A script of others that is compressed in the page: the browser reads it when something needs it.
+struct Library {
+    /// Kind of figure that needs it.
+    drawn_by: &'static str,
+    /// HTML of the compressed script.
+    html: String,
+}
+
+/// uPlot for line charts, three.js for the player (both MIT, `vendor/README.md`).
+static LIBRARIES: LazyLock<[Library; 2]> = LazyLock::new(|| {
+    let library = |drawn_by, name, text: &str| {
+        // the first line is the notice that the licence asks for
+        let notice = text.lines().next().unwrap_or_default();
+        let packed = deflated(text);
+        let html = format!("<!-- {notice} -->\n<script type=\"text/plain\" id=\"library-{name}\">{packed}</script>\n");
+        Library { drawn_by, html }
+    };
+    [
+        library("chart", "uplot", include_str!("../vendor/uplot.min.js")),
+        library("player", "three", include_str!("../vendor/three.min.js")),
+    ]
+});
 
 /// The libraries that the page uses.
 fn libraries(page: &Page) -> String {
-    let of = |(_, name, text): &(&str, &str, &str)| {
-        format!("<script type=\"text/plain\" id=\"library-{name}\">{text}</script>\n")
-    };
-    LIBRARIES.iter().filter(|(drawn_by, _, _)| page.has(drawn_by)).map(of).collect()
+    LIBRARIES.iter().filter(|l| page.has(l.drawn_by)).map(|l| l.html.as_str()).collect()
 }
 
 /// Scripts of the page, in the order in which they need each other.
-const SCRIPTS: [&str; 9] = [
+const SCRIPTS: [&str; 10] = [
+    include_str!("../vendor/fflate.min.js"),
     include_str!("../templates/numbers.js"),
     include_str!("../templates/time.js"),
     include_str!("../templates/charts.js"),
@@ -188,7 +204,7 @@ mod tests {
         assert!(html.contains("S &lt;01&gt;") && html.contains("&lt;i&gt;"));
         assert!(!html.contains("</script><b>"));
         assert!(html.contains("leeoniya/uPlot") && html.contains("three.js 0."), "the libraries must be inside");
-        assert!(html.len() < 800_000, "{} bytes", html.len());
+        assert!(html.len() < 380_000, "{} bytes", html.len());
         for outside in [" src=", "http:", "https:", "@import", "url("] {
             assert!(!own(&sample()).contains(outside), "`{outside}` on the page");
         }

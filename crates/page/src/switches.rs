@@ -3,6 +3,7 @@
 //! that it carries (`sent`).
 
 use crate::Live;
+use crate::pack::deflated;
 use serde_json::Value;
 
 /// Style of the panel.
@@ -34,10 +35,10 @@ pub struct Sent {
 impl Sent {
     /// From the state of the results and the packed numbers (`offline.js` names the fields).
     pub fn new(numbers: &Value) -> Self {
-        // text of recordings must not end the script that holds it
-        let text = numbers.to_string().replace('<', "\\u003c");
+        // base64 holds nothing that could end the script
+        let text = deflated(&numbers.to_string());
         Self {
-            panel: format!("{PANEL}<script type=\"application/json\" id=\"switch-numbers\">{text}</script>\n"),
+            panel: format!("{PANEL}<script type=\"text/plain\" id=\"switch-numbers\">{text}</script>\n"),
             script: [KERNEL, SCRIPT, include_str!("../templates/switches/offline.js")].concat(),
         }
     }

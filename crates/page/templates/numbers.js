@@ -3,6 +3,8 @@
 const Numbers = (() => {
   const nonce = document.currentScript.nonce;
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  // text that `pack.rs` compressed
+  const inflated = (text) => new TextDecoder().decode(FFLATE.inflateSync(bytes(text)));
   const list = (packed) => {
     if (Array.isArray(packed)) return packed.map((v) => (v === null ? NaN : v));
     const view = new DataView(bytes(packed.b).buffer);
@@ -21,14 +23,14 @@ const Numbers = (() => {
     if (a === 0) return "0";
     return a >= 0.001 ? String(+v.toPrecision(3)) : v.toExponential(1);
   };
-  // a library that the page holds as text becomes a script when it is first needed
+  // a library that the page holds compressed becomes a script when it is first needed
   const library = (name) => {
     const text = document.getElementById("library-" + name);
     if (!text || text.dataset.run) return;
     text.dataset.run = "yes";
     const program = document.createElement("script");
     program.nonce = nonce;
-    program.textContent = text.textContent;
+    program.textContent = inflated(text.textContent);
     document.head.append(program);
   };
   const make = (tag, attributes = {}, ...children) => {
@@ -58,5 +60,5 @@ const Numbers = (() => {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", recoloured);
   // a colour of the theme with an opacity
   const faint = (name, alpha) => colour(name) + Math.round(255 * alpha).toString(16).padStart(2, "0");
-  return { list, read, short, library, make, save, colour, recoloured, faint };
+  return { inflated, list, read, short, library, make, save, colour, recoloured, faint };
 })();

@@ -80,7 +80,7 @@ fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceE
     if let Some(mass) = wrong {
         let (weighed, stated) = (number(mass.mass_kg), number(mass.stated_kg));
         return format!(
-            "The plates weigh the body at {weighed} kg, and {stated} kg are stated: no error here can be trusted."
+            "The force plates give a body mass of {weighed} kg and {stated} kg is stated: correct the mass before any error here is used."
         );
     }
     let Some(first) = first else {

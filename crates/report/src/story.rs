@@ -1,9 +1,10 @@
 //! The data of the page, read from the workspace once.
 
-use aloft_analysis::compare::{ComparisonView, KinematicsRow, compare, kinematics};
+use aloft_analysis::compare::{ComparisonView, compare};
 use aloft_analysis::discover::{Kept, answer_of, looked_at};
 use aloft_analysis::freshness::{Freshness, freshness};
 use aloft_analysis::history::{History, history};
+use aloft_analysis::kinematics::{KinematicsRow, kinematics};
 use aloft_analysis::parameters::{ParametersView, parameters};
 use aloft_analysis::summary::rows_of;
 use aloft_body::{Motion, Subject};

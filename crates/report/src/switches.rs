@@ -19,7 +19,7 @@ use aloft_workspace::error::PipelineError;
 use nalgebra::DMatrix;
 use serde_json::{Value, json};
 
-/// Most numbers that a page carries for its switches, at less than seven bytes each.
+/// Most numbers that a page carries for its switches, at about five characters each.
 const MOST_NUMBERS: usize = 260_000;
 
 /// What the panel shows before a switch is flipped: subject, model and its revisions, the switches,
@@ -153,18 +153,18 @@ fn packed(k: &SwitchKernel) -> Value {
     let windows = |w: &Option<KernelWindows>| {
         w.as_ref().map(|w| {
             let triangle = w.rows.nrows() == w.rows.ncols() && 6 * w.windows > w.rows.ncols();
-            json!({"windows": w.windows, "rows": matrix(&w.rows, triangle, 5)})
+            json!({"windows": w.windows, "rows": matrix(&w.rows, triangle, 4)})
         })
     };
     let trials = k.trials.iter().map(|t| {
         json!({
-            "name": t.name, "without": t.without.as_ref().map(|r| rows(r, false, 5)), "flight": windows(&t.flight),
+            "name": t.name, "without": t.without.as_ref().map(|r| rows(r, false, 4)), "flight": windows(&t.flight),
             "contact": windows(&t.contact),
         })
     });
     json!({
         "switches": k.switches, "columns": k.columns, "by_a_run": k.by_a_run, "left_out": k.left_out,
-        "present": k.present, "base": k.base, "all": rows(&k.all, !k.base.is_empty(), 6),
+        "present": k.present, "base": k.base, "all": rows(&k.all, !k.base.is_empty(), 5),
         "trials": trials.collect::<Vec<_>>(), "flight_floor": floor(&k.flight_floor),
         "contact_floor": floor(&k.contact_floor), "weight_n": k.weight_n, "gate": k.gate,
         "limits": {"fair": FAIR_TIMES_FLOOR, "poor": POOR_TIMES_FLOOR, "known": FLOOR_KNOWN_WITHIN},
@@ -176,7 +176,7 @@ fn packed(k: &SwitchKernel) -> Value {
 fn rows(r: &RotatedRows, parameters: bool, bytes: usize) -> Value {
     json!({
         "n_rows": r.n_rows, "singular": r.singular, "top": matrix(&r.top, false, bytes), "bottom": matrix(&r.bottom, true, bytes),
-        "mean": parameters.then(|| r.mean.as_slice()), "spread": parameters.then(|| matrix(&r.spread, false, 5)),
+        "mean": parameters.then(|| r.mean.as_slice()), "spread": parameters.then(|| matrix(&r.spread, false, 4)),
         "longest": r.longest, "saturated": r.saturated, "prior_weight": r.prior_weight,
     })
 }

@@ -54,7 +54,7 @@ fn refuse_slips(file: &str, text: &str) -> Result<(), PipelineError> {
             if let Some(meant) = known.iter().find(|k| k.len() > 3 && strsim::damerau_levenshtein(key, k) <= 2) {
                 let within = place.map_or(String::new(), |p| format!(" in `{p}`"));
                 return Err(PipelineError::request_hint(
-                    format!("{file}: `{key}`{within} is no key of a robot's description"),
+                    format!("{file}: unknown key `{key}`{within}"),
                     format!("did you mean `{meant}`?"),
                 ));
             }

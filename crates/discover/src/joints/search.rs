@@ -197,7 +197,12 @@ fn top(at: &[f64], gain: &[f64]) -> f64 {
 }
 
 fn measured(floor: Option<(f64, [f64; 2])>, error: f64) -> Option<HeldOutResult> {
-    floor.map(|(floor, ci)| HeldOutResult { held_out_error: error, noise_floor: floor, noise_floor_ci95: Some(ci) })
+    floor.map(|(floor, ci)| HeldOutResult {
+        held_out_error: error,
+        noise_floor: floor,
+        noise_floor_ci95: Some(ci),
+        by_parameters: None,
+    })
 }
 
 /// A law is plausible if no coefficient and no parameter stands at a bound, where the flights did

@@ -5,10 +5,12 @@ const Kernel = (() => {
   // a packed matrix as a list of columns (`pack::matrix`)
   const matrix = (m) => {
     const view = new DataView(bytes(m.b).buffer), out = [];
+    // an integer of four or five bytes
+    const whole = (at) => (m.n === 4 ? view.getInt32(at, true) : view.getUint32(at, true) + view.getInt8(at + 4) * 4294967296);
     let at = 0;
     for (let j = 0; j < m.c; j++) {
       const column = new Float64Array(m.r), filled = m.u ? Math.min(m.r, j + 1) : m.r, half = Math.trunc(m.e[j] / 2);
-      for (let i = 0; i < filled; i++, at += m.n) column[i] = (view.getUint32(at, true) + (m.n === 6 ? view.getInt16(at + 4, true) : view.getInt8(at + 4)) * 4294967296) * 2 ** half * 2 ** (m.e[j] - half);
+      for (let i = 0; i < filled; i++, at += m.n) column[i] = whole(at) * 2 ** half * 2 ** (m.e[j] - half);
       out.push(column);
     }
     return out;

@@ -1,6 +1,6 @@
 // The source of a page that was sent: its own numbers, read only.
 (() => {
-  const held = JSON.parse(document.getElementById("switch-numbers").textContent);
+  const held = JSON.parse(Numbers.inflated(document.getElementById("switch-numbers").textContent));
   let open = null;
   const kernel = () => (open ??= Kernel.open(held.kernel));
   const quote = (word) => (/^[\w.\/-]+$/.test(word) ? word : `'${word}'`);
