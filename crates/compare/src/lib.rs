@@ -58,7 +58,7 @@ pub use frames::{TrialSeries, WindowSample};
 pub use input::{Body, Candidate, CompareOptions, PoseErrors, TrialInput};
 pub use judgement::{Signal, floor_in_words, significant};
 pub use measured::{Measured, measured_wrench};
-pub use noise_floor::{Floor, NoiseFloor, Smooth, noise_root};
+pub use noise_floor::{FlightDraws, Floor, NoiseFloor, Smooth, noise_root};
 pub use offset::{OffsetRange, RecordingOffset};
 pub use phase::Phase;
 pub use segments::SegmentShare;

@@ -95,6 +95,34 @@ impl Floor {
     }
 }
 
+/// Draws of the errors that a perfect model would leave in the flight windows of one trial.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FlightDraws {
+    /// Name of the trial.
+    pub trial: String,
+    /// Middle frame of each window.
+    pub centres: Vec<usize>,
+    /// For each draw the errors of the windows in their order, six numbers each: force (N) and
+    /// moment (N·m), world axes.
+    pub errors: Vec<Vec<f32>>,
+}
+
+impl FlightDraws {
+    fn of(trial: &str, part: &TrialFloor) -> Self {
+        let mut out = Self { trial: trial.to_owned(), centres: Vec::new(), errors: Vec::new() };
+        for w in part.windows.iter().filter(|w| !w.contact) {
+            if w.draw == 0 {
+                out.centres.push(w.centre);
+            }
+            if out.errors.len() <= w.draw {
+                out.errors.resize(w.draw + 1, Vec::new());
+            }
+            out.errors[w.draw].extend(w.error.iter().map(|x| *x as f32));
+        }
+        out
+    }
+}
+
 /// Errors that a perfect model would leave because of markers and plates.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NoiseFloor {
@@ -115,6 +143,9 @@ pub struct NoiseFloor {
     /// In every group of the breakdown.
     #[serde(default)]
     pub groups: Vec<GroupFloor>,
+    /// The draws in flight, trial by trial.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub flight_draws: Vec<FlightDraws>,
 }
 
 /// Share of a mean square not explained by the floor.
@@ -209,6 +240,7 @@ impl NoiseFloor {
             contact_floor: Floor::of(&contact_weak),
             flight_floor: Floor::of(&flight_weak),
             groups: groups.floors(grouping),
+            flight_draws: trials.iter().zip(parts).map(|(facts, part)| FlightDraws::of(&facts.name, part)).collect(),
         };
         (floor.contact.frames + floor.flight.frames > 0).then_some(floor)
     }

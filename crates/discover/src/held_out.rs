@@ -23,9 +23,20 @@ pub struct HeldOutResult {
     /// 95 % interval of the floor, N.
     pub noise_floor_ci95: Option<[f64; 2]>,
     /// Error up to which noise and the errors of parameters that are fitted to the other recordings
-    /// account for it (97.5 %), N; [`Session::with_model_error`](crate::Session::with_model_error)
-    /// computes it from the rows.
+    /// account for it (97.5 %), N; [`Session::with_draws`](crate::Session::with_draws) computes it.
     pub by_parameters: Option<f64>,
+}
+
+/// Draws of the errors that a perfect model would leave in the flight windows of one trial, from
+/// the noise of its markers.
+#[derive(Debug, Clone, Copy)]
+pub struct FlightDraws<'a> {
+    /// Name of the trial.
+    pub trial: &'a str,
+    /// Middle frame of each window.
+    pub centres: &'a [usize],
+    /// For each draw six numbers for each window: force (N) and moment (N·m), world axes.
+    pub errors: &'a [Vec<f32>],
 }
 
 impl HeldOutResult {

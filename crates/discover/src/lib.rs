@@ -94,7 +94,7 @@ pub use addition::{addition, detectable, ladder};
 pub use by_stages::Compute;
 pub use discover::{catalogue, discover};
 pub use error::DiscoverError;
-pub use held_out::HeldOutResult;
+pub use held_out::{FlightDraws, HeldOutResult};
 pub use joints::{JointCandidate, JointDiscovery, JointFinding, JointInput, JointSearch, discover_joints};
 pub use laws::{
     Action, Carrier, Diagnosis, Direction, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Variable, Work,

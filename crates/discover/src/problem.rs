@@ -240,21 +240,36 @@ impl Problem {
         self.folds.iter().map(|f| f.error).sum::<f64>() / self.n_judged as f64
     }
 
-    /// Mean square that errors of the parameters add to a held-out row, and its degrees of freedom
-    /// (Satterthwaite): with rows of variance σ² and parameters drawn from the prior, the fit
-    /// without a cluster has the covariance `σ² M_g⁻¹`, and its prediction of the cluster `σ² H_g`
-    /// with `H_g = A_g M_g⁻¹ A_gᵀ`; the mean square has the mean `σ² Σ tr H_g / n` and `(Σ tr H_g)² /
-    /// Σ tr H_g²` degrees. σ² is the variance that weights the prior here.
-    pub fn parameter_error(&self) -> (f64, f64) {
-        let parts = self.clusters.par_iter().zip(&self.folds).map(|(c, fold)| {
-            let judged = c.a.select_rows(&c.judged);
-            // M⁻¹ AᵀA has the eigenvalues of H other than zero
-            let h = fold.cholesky.solve(&judged.tr_mul(&judged));
-            [h.trace(), h.component_mul(&h.transpose()).sum()]
+    /// Held-out sum of squares where the rows' measured side is noise alone, by block, and the
+    /// parameters are fitted to the noise of the other clusters: `e_g − A_g M_g⁻¹ Σ_{h≠g} A_hᵀ e_h`.
+    /// Rows are multiplied by `scale` before they are squared.
+    pub fn refitted(&self, noise: &[DVector<f64>], scale: impl Fn(usize) -> f64) -> f64 {
+        let gathered = |c: &Cluster| {
+            let rows: Vec<f64> = c.blocks.iter().flat_map(|&i| noise[i].iter().copied()).collect();
+            DVector::from_vec(rows)
+        };
+        let errors: Vec<DVector<f64>> = self.clusters.iter().map(gathered).collect();
+        let slopes: Vec<DVector<f64>> = self.clusters.iter().zip(&errors).map(|(c, e)| c.a.tr_mul(e)).collect();
+        let all = slopes.iter().fold(DVector::zeros(self.right.len()), |s, x| s + x);
+        let parts = self.clusters.iter().zip(&self.folds).zip(errors.iter().zip(&slopes));
+        let of_part = |((c, fold), (e, own)): ((&Cluster, &Fold), (&DVector<f64>, &DVector<f64>))| -> f64 {
+            let test = e - &c.a * fold.cholesky.solve(&(&all - own));
+            c.judged.iter().map(|&row| (scale(row) * test[row]).powi(2)).sum()
+        };
+        parts.map(of_part).sum()
+    }
+
+    /// Mean of the held-out sum of squares that a prior adds which is wrong by its own covariance:
+    /// `‖A_g M_g⁻¹ w‖²` over the clusters, with w the weights of the prior's rows.
+    pub fn prior_error(&self, scale: impl Fn(usize) -> f64 + Sync) -> f64 {
+        let parts = self.clusters.par_iter().zip(&self.folds).map(|(c, fold)| -> f64 {
+            let to_rows = fold.cholesky.solve(&c.a.transpose());
+            let of_row = |row: usize| -> f64 {
+                to_rows.column(row).iter().zip(&self.ridge).map(|(x, w)| (scale(row) * x * w).powi(2)).sum()
+            };
+            c.judged.iter().map(|&row| of_row(row)).sum()
         });
-        let parts: Vec<[f64; 2]> = parts.collect();
-        let [trace, squares] = [0, 1].map(|k| parts.iter().map(|p| p[k]).sum::<f64>());
-        (self.variance * trace / self.n_judged as f64, trace * trace / squares)
+        parts.collect::<Vec<f64>>().iter().sum()
     }
 
     /// The same rows with `delta` added to the measured side of every cluster.

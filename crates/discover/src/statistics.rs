@@ -4,14 +4,6 @@ use aloft_identify::interval::t975;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// 97.5 % point of χ²/ν with `freedom` degrees of freedom ν (Wilson and Hilferty 1931; within 3 %
-/// from one degree of freedom).
-pub(crate) fn chi_square975(freedom: f64) -> f64 {
-    const NORMAL: f64 = 1.959_963_984_540_054;
-    let variance = 2.0 / (9.0 * freedom);
-    (1.0 - variance + NORMAL * variance.sqrt()).powi(3)
-}
-
 /// Draws of cluster weights (multinomial), the same for every caller.
 pub(crate) fn resamples(n: usize, draws: usize, seed: u64) -> Vec<Vec<f64>> {
     (0..draws)

@@ -36,7 +36,7 @@ pub use trial::{ComparedTrial, HeldOut, has_validation, load_trials};
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 11,
+    version: 12,
     scope: Scope::Session,
     seconds: 0.6,
     reads: "parameters, held-out trials",
@@ -243,7 +243,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         left_out.fill(true);
     }
     let key = floor_key(params, inputs, &compare_options(params, &subject));
-    let stored = inputs.earlier().and_then(|place| read_json::<StoredFloor>(&place.join("noise_floor.json")).ok());
+    let stored = inputs.earlier().and_then(|place| read_json::<StoredFloor>(&place.join(NOISE_FLOOR_FILE)).ok());
     let earlier = stored.filter(|f| f.key == key);
     let plain = if earlier.is_some() { None } else { plain_model(params, inputs, &subject, chosen)? };
     let floor = match &earlier {
@@ -292,8 +292,10 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         (comparison.first.segments, comparison.first.breakdown) = (Vec::new(), Vec::new());
         done.note("judged", false);
     }
-    if let Some(floor) = &comparison.noise_floor {
-        write_json(&inputs.out.join("noise_floor.json"), &StoredFloor { key, floor: floor.clone() })?;
+    if let Some(floor) = &mut comparison.noise_floor {
+        let stored = StoredFloor { key, floor: floor.clone() };
+        write_json(&inputs.out.join(NOISE_FLOOR_FILE), &stored)?;
+        floor.flight_draws.clear();
     }
     write_json(&inputs.out.join("comparison.json"), &comparison)?;
     for s in &series {
@@ -304,12 +306,16 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     Ok(done)
 }
 
-/// The stored noise floor of an earlier comparison.
-#[derive(Serialize, Deserialize)]
-struct StoredFloor {
+/// File of the [`StoredFloor`].
+pub const NOISE_FLOOR_FILE: &str = "noise_floor.json";
+
+/// The stored noise floor of a comparison, with its draws.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct StoredFloor {
     /// Hash of everything that it depends on.
     key: String,
-    floor: NoiseFloor,
+    /// The floor.
+    pub floor: NoiseFloor,
 }
 
 /// Hash of everything that the noise floor depends on: the motion, the plates, and how both are
