@@ -31,7 +31,8 @@ static LIBRARIES: LazyLock<[Library; 2]> = LazyLock::new(|| {
         // the first line is the notice that the licence asks for
         let notice = text.lines().next().unwrap_or_default();
         let packed = deflated(text);
-        let html = format!("<!-- {notice} -->\n<script type=\"text/plain\" id=\"library-{name}\">{packed}</script>\n");
+        let html =
+            format!("<script type=\"text/plain\" id=\"library-{name}\" data-notice=\"{notice}\">{packed}</script>\n");
         Library { drawn_by, html }
     };
     [
