@@ -3,6 +3,7 @@
 use crate::held_out::{HeldOutError, weight_n};
 use crate::impulse_mass::{ImpulseMassView, impulse_mass};
 use crate::kinematics::{KinematicsRow, failed_stage, kinematics};
+use crate::to_correct::{ToCorrect, to_correct};
 use aloft_body::{EstimatedPoints, Subject};
 use aloft_compare::{Comparison, ModelComparison};
 use aloft_identify::{Determination, Origin, Parameters, Sigma};
@@ -42,6 +43,9 @@ pub struct ComparisonView {
     pub calibration: Option<CalibrationView>,
     /// Body mass from the impulse of the force plates between flights; none without such contacts.
     pub impulse_mass: Option<ImpulseMassView>,
+    /// What the recordings contradict, to be corrected before a model is judged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to_correct: Option<ToCorrect>,
 }
 
 impl ComparisonView {
@@ -175,8 +179,8 @@ fn noisy(comparison: &Comparison, weight_n: f64) -> Option<String> {
     let share = floor / weight_n;
     (share > LOUD).then(|| {
         format!(
-            "reduce the noise of the markers: it alone makes an error of {:.0} % of the weight, and may move parameters by more than their \
-             intervals (estimate: aloft parameters --assess)",
+            "check the markers (noise, labels, static trial, placement): their errors alone leave {:.0} % of the weight, and may move parameters \
+             by more than their intervals (estimate: aloft parameters --assess)",
             100.0 * share
         )
     })
@@ -285,7 +289,10 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
     let impulse_mass = impulse_mass(session, &ws);
     let mut errors: Vec<HeldOutError> =
         comparison.against_floor.iter().map(|a| HeldOutError::of(a, &comparison.beside, weight, gate_passed)).collect();
-    if impulse_mass.as_ref().is_some_and(|m| m.wrong.is_some()) {
+    let rows_of_trials = kinematics(session, &ws);
+    let to_correct = to_correct(session, &ws, &comparison, &rows_of_trials, impulse_mass.as_ref(), weight)
+        .filter(|_| limits.is_empty());
+    if to_correct.as_ref().is_some_and(|c| c.void) {
         errors.iter_mut().for_each(HeldOutError::distrust);
     }
     Ok(ComparisonView {
@@ -295,9 +302,10 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
         left_out: left_out(session, &ws, &comparison),
         parameters: brief,
         limits,
-        kinematics: kinematics(session, &ws),
+        kinematics: rows_of_trials,
         calibration: calibration(&ws),
         impulse_mass,
+        to_correct,
         comparison,
     })
 }

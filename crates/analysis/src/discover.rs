@@ -12,7 +12,7 @@ use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
 use aloft_discover::{
     Body, DiscoverOptions, Discovery, FlightDraws, Found, FoundLaw, HeldOutResult, SelfTest, SelfTestOptions,
-    SelfTestProgress, Session, TrialInput, discover as rank, scene_of,
+    SelfTestProgress, Session, TrialInput, Verdict, discover as rank, scene_of,
 };
 use aloft_effects::{Effect, EffectInstance, PlateSeries};
 use aloft_flight::FlightReport;
@@ -314,7 +314,9 @@ fn found(
     }
     let scene = bench.session.scene();
     let volume = Volume { middle_m: scene.volume_centre_m.into(), reach_m: scene.volume_reach_m };
-    let errors = compare(session).map(|view| view.errors).unwrap_or_default();
+    let view = compare(session).ok();
+    let to_correct = view.as_ref().and_then(|v| v.to_correct.clone());
+    let errors = view.map(|v| v.errors).unwrap_or_default();
     let mut options = options.clone();
     let mut refused = Vec::new();
     // the effects that were last computed by the stages, and their errors
@@ -365,6 +367,14 @@ fn found(
     {
         found.advice.insert(0, words);
     }
+    let named = matches!(found.verdict, Verdict::Supported | Verdict::OneOf);
+    if let Some(wrong) = to_correct.filter(|c| c.void || !named) {
+        doubt(&mut found, &wrong.words);
+        found.advice.insert(0, wrong.words);
+    }
+    if let Some(words) = errors.iter().find(|e| e.judged_on == "flight").and_then(wide_floor) {
+        doubt(&mut found, &words);
+    }
     // the ranking's own estimate is relative and from other folds; state what the ladder will show
     let judged = found.rounds.first().map(|r| r.judged_on.clone());
     if let Some(e) = errors_after.iter().find(|e| Some(&e.judged_on) == judged.as_ref()) {
@@ -389,6 +399,29 @@ fn found(
     seal::write_whole(&place, &answer)?;
     seal::write_whole(&session.workspace.join("discovery_volume.json"), &volume)?;
     Ok(DiscoveryView { discovery: answer.answer, errors, errors_after: answer.errors_after })
+}
+
+/// An answer that nothing is missing does not stand beside what contradicts it.
+fn doubt(found: &mut Discovery, why: &str) {
+    if found.verdict == Verdict::NothingMissing {
+        found.verdict = Verdict::NotDetectable;
+        found.words = format!("not detectable: {why}");
+    }
+}
+
+/// A floor below which more hides than *nothing missing* should mean, in words.
+fn wide_floor(e: &HeldOutError) -> Option<String> {
+    /// Share of the weight; the same from which `run` asks to check the markers.
+    const WIDE: f64 = 0.05;
+    let floor_n = e.noise_floor?;
+    let share = floor_n / e.held_out_error * e.held_out_error_of_weight?;
+    (share > WIDE).then(|| {
+        format!(
+            "the errors of the markers alone leave {} N in flight, {:.0} % of the weight, and what is smaller cannot be seen",
+            aloft_compare::significant(floor_n, 3),
+            100.0 * share
+        )
+    })
 }
 
 /// Free acceleration measured by the stage `flight`, if it differs from the stated gravity in most

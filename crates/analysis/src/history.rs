@@ -2,7 +2,6 @@
 
 use crate::compare::{ComparisonView, JudgedOn, compare};
 use crate::held_out::{HeldOutError, weight_n};
-use crate::impulse_mass::impulse_mass;
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
 use aloft_pipeline::made::{compared_effects, made_with};
@@ -137,7 +136,7 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
     let mut rows: Vec<HistoryRow> = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts, weight)).collect();
     if let Some(last) = rows.last_mut() {
         last.trials_changed = since_made.or(last.trials_changed.take());
-        if impulse_mass(session, &ws).is_some_and(|m| m.wrong.is_some()) {
+        if compare(session).is_ok_and(|view| view.to_correct.is_some_and(|c| c.void)) {
             last.errors.iter_mut().for_each(HeldOutError::distrust);
             last.at_floor = last.at_floor.map(|_| false);
         }

@@ -41,6 +41,7 @@ pub mod switch_kernel;
 mod switch_pools;
 mod switch_rows;
 pub mod switches;
+pub mod to_correct;
 pub mod unknowns;
 pub mod verdict;
 pub mod verify;

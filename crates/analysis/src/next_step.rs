@@ -65,9 +65,11 @@ pub fn next_step(session: &SubjectSession, view: &ComparisonView, current: bool)
 /// The next step, given the answer of `discover` for the present model and results (none if it was
 /// not asked) and the keys of the effects that the model holds.
 pub fn step(view: &ComparisonView, answer: Option<&Discovery>, held: &[&str]) -> NextStep {
-    let wrong = view.impulse_mass.as_ref().and_then(|m| m.wrong.clone());
-    if let Some(wrong) = wrong {
-        return NextStep::Correct(wrong);
+    let named = |d: &Discovery| matches!(d.verdict, Verdict::Supported | Verdict::OneOf);
+    if let Some(c) = &view.to_correct
+        && (c.void || c.first && !answer.is_some_and(named) || answer.is_some_and(|d| !named(d)))
+    {
+        return NextStep::Correct(c.words.clone());
     }
     let record = view.parameters.to_do.clone();
     let Some(d) = answer else {

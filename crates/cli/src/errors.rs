@@ -122,12 +122,15 @@ pub fn worst(view: &ComparisonView) -> Option<String> {
     Some(crate::screen::one_line(label, &text))
 }
 
+/// What the recordings contradict; `first` where it comes before every question about effects.
+fn contradicted(view: &ComparisonView) -> Option<String> {
+    let c = view.to_correct.as_ref()?;
+    Some(labelled(if c.first || c.void { "first       " } else { "check       " }, &c.words))
+}
+
 /// The body mass that the plates show, where it is not the stated one.
 fn weighed(view: &ComparisonView) -> Option<String> {
-    let mass = view.impulse_mass.as_ref().filter(|m| m.doubt.is_some() || m.wrong.is_some())?;
-    if let Some(wrong) = &mass.wrong {
-        return Some(labelled("first       ", wrong));
-    }
+    let mass = view.impulse_mass.as_ref().filter(|m| m.doubt.is_some() && m.wrong.is_none())?;
     let text = format!(
         "{} kg by the impulse between flights, {} kg stated ({:+.1} %)",
         significant(mass.mass_kg, 3),
@@ -192,9 +195,15 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
     }
     // a wrong mass or gain, and what to record, come before the place of the largest error; three
     // lines of all of them, so that a run ends with twelve
-    let first = [weighed(view), to_do(view)];
+    let first = [contradicted(view), weighed(view), to_do(view).filter(|_| !is_void(view))];
     let place = if first.iter().all(Option::is_none) { worst(view) } else { in_the_moment(view) };
     first.into_iter().chain([place, constant(view)]).flatten().take(3).try_for_each(out)
+}
+
+/// True if something has to be corrected before any error can be judged: to record more of the same
+/// would not help.
+fn is_void(view: &ComparisonView) -> bool {
+    view.to_correct.as_ref().is_some_and(|c| c.void)
 }
 
 /// What to do about a gate that did not pass.

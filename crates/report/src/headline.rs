@@ -83,6 +83,10 @@ fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceE
             "The force plates give a body mass of {weighed} kg and {stated} kg is stated: correct the mass before any error here is used."
         );
     }
+    let void = story.comparison.as_ref().and_then(|v| v.to_correct.as_ref()).filter(|c| c.void);
+    if let Some(c) = void {
+        return sentence_of(&c.words);
+    }
     let Some(first) = first else {
         if !story.freshness.is_current() {
             return "Nothing is compared yet: the run has not ended, or was interrupted.".to_owned();
