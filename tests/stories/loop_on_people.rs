@@ -60,3 +60,34 @@ fn a_line_that_nobody_wrote_down_is_found_and_the_error_falls_to_the_twins() {
     let value = number(&stiffness["value"]);
     assert!((value / number(&hidden["stiffness_npm"]) - 1.0).abs() < 0.4, "{value} N/m");
 }
+
+/// A weight in the hand in every recording, which the scale does not know: it is found, and adding
+/// it is not refused although its column is a combination of the body's own.
+#[test]
+fn a_load_in_every_recording_is_found_and_added() {
+    let dir = folder();
+    let scenario = dir.path().join("scenario.yaml");
+    let body = "body: {kind: human, person: {sex: F, height_m: 1.71, mass_kg: 66.0}, protocol: {jumps: 6, exercises: 1, exercise_s: 3.0}}";
+    let hidden = "hidden: [{effect: payload, link: hand_l, point_m: [0.0, -0.06, 0.0], mass_kg: 1.5}]";
+    fs::write(&scenario, format!("name: load\nseed: 772\n{body}\n{hidden}\n")).unwrap();
+    let (data, ws) = (dir.path().join("data").display().to_string(), dir.path().join("ws").display().to_string());
+    expect(&["simulate", &scenario.display().to_string(), "--out", &data], 0);
+    let human = repo("pipelines/human.yaml");
+    let places = ["--data", &data, "--workspace", &ws];
+    expect(&[&["run", &human], &places[..]].concat(), 0);
+    let found = json(&[&["discover", &human, "--closed", "--json"], &places[..]].concat());
+    assert_eq!(found["found"][0]["key"], "link_mass[hand_l]", "{}", found["words"]);
+    expect(&[&["effect", "add", &human, "link_mass[hand_l]"], &places[..]].concat(), 0);
+    let ladder = json(&[&["history", &human, "--json"], &places[..]].concat());
+    let error = |rung: usize| {
+        let errors = ladder["revisions"][rung]["errors"].as_array().unwrap();
+        let flight = errors.iter().find(|e| e["judged_on"] == "flight").unwrap();
+        flight["held_out_error"].as_f64().unwrap()
+    };
+    assert!(error(1) < 0.25 * error(0), "{} N, {} N before", error(1), error(0));
+    let mass = ladder["revisions"][1]["coefficients"][0]["value"].as_f64().unwrap();
+    assert!((mass - 1.5).abs() < 0.25, "{mass} kg");
+    // a second one on the same link repeats the first
+    let (_, said) = expect(&[&["effect", "add", &human, "link_mass[hand_l]"], &places[..]].concat(), 2);
+    assert!(said.contains("link_mass[hand_l]"), "{said}");
+}

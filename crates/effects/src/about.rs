@@ -140,6 +140,9 @@ pub struct About<'a> {
     pub told_from: &'a [(&'a str, &'a str)],
     /// True if it appears only as a difference between groups of trials.
     pub by_group: bool,
+    /// Changes the inertia that tables give to a link, in all recordings: part of the body where
+    /// there are no tables, and beside a prior from tables its column is the body's own.
+    pub of_tables: bool,
     /// True if it is the same in every trial of a person and of unknown size in all of them
     /// (linear, coefficients in one unit): the intervals of other effects include it.
     pub repeats: bool,
@@ -170,6 +173,7 @@ impl About<'_> {
         separated_by: Separation::LongerFlights,
         told_from: &[],
         by_group: false,
+        of_tables: false,
         repeats: false,
         uses_session_time: false,
         shows_in_free_fall: false,

@@ -64,7 +64,9 @@ impl Visible {
     /// Tests every effect column against the body's columns (without the mass, which is known) and
     /// the determined effects before it. With as few rows as parameters every column looks like a
     /// combination of the body's columns; if a prior separates them (`has_prior`), only zero
-    /// columns and repeated effects are left out in that case.
+    /// columns and repeated effects are left out in that case. Effects that change what tables say
+    /// of the body are combinations of its columns in every recording; a prior from tables
+    /// separates them, and they are compared only with each other.
     pub fn of(merged: &Factor, has_prior: bool) -> Self {
         let (p, k) = (merged.n_parameters(), merged.n_effects());
         let names = merged.columns.effects.clone();
@@ -81,9 +83,17 @@ impl Visible {
         if saturated && has_prior {
             span = Span::new(dense.nrows(), p + k);
         }
+        let mut of_tables = Span::new(dense.nrows(), k);
         let unseen = (0..k)
             .map(|e| {
                 let column = dense.column(p + e).into_owned();
+                if has_prior && merged.columns.of_tables.contains(&names[e]) {
+                    return match of_tables.add(p + e, column, ZERO * longest, DEPENDENT) {
+                        Added::Independent => None,
+                        Added::Zero => Some(Unseen::Zero),
+                        Added::Dependent(partners) => Some(named(merged, partners)),
+                    };
+                }
                 match span.add(p + e, column, ZERO * longest, DEPENDENT) {
                     Added::Independent => None,
                     Added::Zero => Some(Unseen::Zero),

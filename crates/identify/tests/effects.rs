@@ -84,6 +84,7 @@ fn factors(truth: &Truth, effects: &[Option<Hidden>], contact: bool) -> Vec<Fact
                     .enumerate()
                     .map(|(e, kind)| kind.map_or("own.size".to_owned(), |kind| format!("{kind:?}{e}.size")))
                     .collect(),
+                of_tables: Vec::new(),
             };
             Factor::from_rows(&stretch, RowKind::Weak, columns, rows.as_ref()).unwrap()
         })
@@ -292,7 +293,11 @@ fn rows_of_a_locked_hinge_keep_the_effect() {
                 // measured side: an effect of size 0.02 and the true body
                 std::cmp::Ordering::Greater => (dense.columns(0, p) * truth.truth()).row(r)[0] + 0.02 * own(r),
             });
-            let columns = Columns { parameters: plain.columns.parameters.clone(), effects: vec!["own.size".into()] };
+            let columns = Columns {
+                parameters: plain.columns.parameters.clone(),
+                effects: vec!["own.size".into()],
+                of_tables: Vec::new(),
+            };
             Factor::from_rows(s, RowKind::Weak, columns, rows.as_ref()).unwrap()
         })
         .collect();

@@ -96,6 +96,8 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
         // effects that act only in other trials do not act here
         let acts = |c: &EffectInstance<'_>| vec![c.acts_in(&rows.motion.trial); c.names(&scene).len()];
         let acting: Vec<bool> = choices.iter().flat_map(acts).collect();
+        let of_tables = choices.iter().filter(|c| c.effect.about().of_tables && c.trials.is_empty());
+        out.of_tables.extend(of_tables.flat_map(|c| c.names(&scene)));
         let found = columns_about(&scene, &trial, &choices, about).map_err(|e| StageFailure::new(e.to_string()))?;
         for (all, own) in out.wrench.iter_mut().zip(&found.wrench) {
             let old = std::mem::replace(all, DMatrix::zeros(0, 0));

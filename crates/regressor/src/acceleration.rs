@@ -76,6 +76,7 @@ pub fn acceleration_factor(
     let columns = Columns {
         parameters: base.parameters.iter().map(|p| p.name.clone()).collect(),
         effects: acting.effects.map_or_else(Vec::new, |e| e.names.clone()),
+        of_tables: acting.effects.map_or_else(Vec::new, |e| e.of_tables.clone()),
     };
     let (p, k) = (base.len(), acting.n_effects());
     let mut rows = Mat::<f64>::zeros(6 * frames.len(), p + k + 1);

@@ -34,6 +34,11 @@ pub struct Columns {
     pub parameters: Vec<String>,
     /// Effects.
     pub effects: Vec<String>,
+    /// Those of the effects that change what tables say of the body ([`EffectColumns::of_tables`]).
+    ///
+    /// [`EffectColumns::of_tables`]: crate::EffectColumns::of_tables
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub of_tables: Vec<String>,
 }
 
 impl Columns {
@@ -247,6 +252,7 @@ impl Factor {
         let columns = Columns {
             parameters: self.columns.parameters.clone(),
             effects: effects.iter().map(|&e| e.to_owned()).collect(),
+            of_tables: self.columns.of_tables.iter().filter(|n| effects.contains(&n.as_str())).cloned().collect(),
         };
         let mut out = self.clone();
         out.packed = packed;

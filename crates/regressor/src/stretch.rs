@@ -81,6 +81,9 @@ pub struct EffectColumns {
     /// mass. Its columns are formed from the rows of the body themselves, `−E = Y δ`. None for an
     /// effect that is a wrench alone; empty if all are.
     pub inertia: Vec<Option<DVector<f64>>>,
+    /// Names of the columns that change what tables say of the body: combinations of the body's own
+    /// columns, which a prior from tables separates from the body's parameters.
+    pub of_tables: Vec<String>,
 }
 
 impl EffectColumns {

@@ -69,6 +69,7 @@ fn columns_of(base: &BaseParameters, acting: Acting<'_>) -> Columns {
     Columns {
         parameters: base.parameters.iter().map(|p| p.name.clone()).collect(),
         effects: acting.effects.map_or_else(Vec::new, |e| e.names.clone()),
+        of_tables: acting.effects.map_or_else(Vec::new, |e| e.of_tables.clone()),
     }
 }
 

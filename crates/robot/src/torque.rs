@@ -107,6 +107,7 @@ pub fn torque_factor(
     let columns = Columns {
         parameters: base.parameters.iter().map(|b| b.name.clone()).collect(),
         effects: carried.chain(own).chain(names).collect(),
+        of_tables: Vec::new(),
     };
     let matrix = Mat::from_fn(whole.nrows(), whole.ncols(), |i, k| whole[(i, k)]);
     Factor::from_rows(stretch, RowKind::Weak, columns, matrix.as_ref())

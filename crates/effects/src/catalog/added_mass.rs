@@ -7,6 +7,10 @@ const ABOUT: About<'static> = About {
     id: "added_mass",
     title: "added mass (inertia without weight)",
     class: "magnitude of gravity",
+    told_from: &[(
+        "constant_force",
+        "standing on force plates, where a constant force changes the weight and added mass does not",
+    )],
     unbounded: "a mass is not negative; in water, or under a parachute, it exceeds that of the body",
     documentation: "\
 ## Physics

@@ -7,6 +7,7 @@ const ABOUT: About<'static> = About {
     id: "link_mass",
     title: "link heavier or lighter than in the tables, or a load on it in every trial",
     separated_by: Separation::WithAndWithoutLoad,
+    of_tables: true,
     documentation: "\
 ## Physics
 A weight is worn in every recording, or a link is not what the anthropometric tables say: a prosthesis, a cast, a missing limb, a very muscular leg. The inertial parameters found from flights are held near the tables, so that a large deviation of one link leaves an error.
