@@ -197,8 +197,13 @@ pub(crate) fn conclude(
             (after.is_far() || misfit || remains).then(|| (wording::domain(places[i]), after))
         })
         .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));
-    if far.is_some() || lost {
-        out.verdict = Verdict::Unexplained;
+    // an error that a perfect model would hardly reach leaves nothing to explain; contact is judged
+    // by itself
+    let of_flights = far.is_none() && kept.iter().all(|v| v.effect.acts().in_flight());
+    let contact_fits = left[1].is_none_or(|s| !s.is_above());
+    let below = model_error.filter(|s| has_flights && of_flights && contact_fits && s.is_below());
+    if far.is_some() || lost || below.is_some() {
+        out.verdict = if below.is_some() { Verdict::NotDetectable } else { Verdict::Unexplained };
         out.effects.clear();
         out.groups.clear();
     }
@@ -220,6 +225,9 @@ pub(crate) fn conclude(
     } else {
         wording::answer(&out, far)
     };
+    if let Some(s) = below {
+        out.words = wording::below(&s);
+    }
     if let Some(s) = undecided {
         out.words = wording::undecided(&out, &s);
     }

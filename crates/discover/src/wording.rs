@@ -128,6 +128,15 @@ fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
     }
 }
 
+/// The result where the error is below what a perfect model leaves.
+pub(crate) fn below(model_error: &HeldOutResult) -> String {
+    let [low, high] = model_error.noise_floor_ci95.unwrap_or([f64::NAN; 2]).map(|n| digits(n, 3));
+    format!(
+        "not detectable: the held-out error of {} N is below the interval of the noise floor ({low} to {high} N), so recordings repeat each other          or the floor is too high, and nothing can be named",
+        digits(model_error.held_out_error, 3)
+    )
+}
+
 /// The result where no effect convinces and the floor is known too roughly to say that nothing is
 /// missing.
 pub(crate) fn undecided(d: &Discovery, model_error: &HeldOutResult) -> String {
