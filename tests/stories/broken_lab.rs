@@ -1,7 +1,7 @@
 //! A laboratory with many broken files: one clear line for each, exit code 1, and every intact
 //! trial is processed.
 
-use crate::support::{aloft, expect, folder, json, lab, repo};
+use crate::support::{aloft, expect, folder, json, lab, repo, root};
 use std::fs;
 
 #[test]
@@ -82,6 +82,73 @@ fn recordings_that_repeat_another_one_are_named_and_not_judged() {
     fs::write(&pipeline, text.replace("trials:\n", exclude)).unwrap();
     assert!(!call("run", 0).0.contains("repeated"));
     let _ = call("discover", 0);
+}
+
+/// Cameras that were processed again, or noise on the markers, leave no marker sample in common; the
+/// force plates still tell that it is the same jump.
+#[test]
+fn a_copy_with_other_markers_is_known_by_its_plates() {
+    let dir = folder();
+    let data = dir.path().join("lab");
+    fs::create_dir(&data).unwrap();
+    let twin = root().join("fixtures/human_twin");
+    for file in fs::read_dir(&twin).unwrap().map(|e| e.unwrap().path()).filter(|f| f.is_file()) {
+        fs::copy(&file, data.join(file.file_name().unwrap())).unwrap();
+    }
+    let ws = dir.path().join("ws").display().to_string();
+    let pipeline = repo("pipelines/demo_human.yaml");
+    let call = |command: &str, code: i32| {
+        expect(&[command, &pipeline, "--data", data.to_str().unwrap(), "--workspace", &ws], code)
+    };
+    assert!(!call("run", 0).0.contains("repeated"));
+    fs::write(data.join("jump91.c3d"), with_moved_markers(&fs::read(data.join("jump01.c3d")).unwrap())).unwrap();
+    let (said, _) = call("run", 0);
+    assert!(said.contains("`jump01` and `jump91` (100 % of the plates of the shorter one)"), "{said}");
+    assert!(call("check", 0).0.contains("recordings that repeat another one"));
+    let (_, err) = call("discover", 2);
+    assert!(err.contains("`jump91`") && err.contains("exclude"), "{err}");
+}
+
+/// A C3D file of little-endian numbers with every marker coordinate moved by up to 0.3 mm; analog
+/// samples stay as they are.
+fn with_moved_markers(file: &[u8]) -> Vec<u8> {
+    let mut out = file.to_vec();
+    let word = |at: usize| usize::from(u16::from_le_bytes([file[at], file[at + 1]]));
+    let (points, analogs, data) = (word(2), word(4), 512 * (word(16) - 1));
+    let scale = f32::from_le_bytes(file[12..16].try_into().unwrap());
+    assert!(scale < 0.0, "the fixture holds floats");
+    let frame = 4 * (4 * points + analogs);
+    for (n, start) in (data..=file.len() - frame).step_by(frame).enumerate() {
+        for (k, at) in (0..points).flat_map(|p| (0..3).map(move |axis| 16 * p + 4 * axis)).enumerate() {
+            let at = start + at;
+            let x = f32::from_le_bytes(file[at..at + 4].try_into().unwrap());
+            let noise = 0.1 * ((7 * n + 13 * k) % 5 + 1) as f32 - 0.25;
+            out[at..at + 4].copy_from_slice(&(x + noise).to_le_bytes());
+        }
+    }
+    out
+}
+
+/// What went wrong is named, and not what it looks like from the end.
+#[test]
+fn a_cause_in_the_pipeline_is_named_where_its_effect_shows() {
+    let dir = folder();
+    let text = fs::read_to_string(repo("pipelines/demo_human.yaml")).unwrap();
+    let text = text.replace("../fixtures/human_tethered", &repo("fixtures/human_tethered"));
+    let call = |name: &str, text: &str, code: i32| {
+        let (file, ws) = (dir.path().join(format!("{name}.yaml")), dir.path().join(name));
+        fs::write(&file, text).unwrap();
+        expect(&["run", file.to_str().unwrap(), "--workspace", ws.to_str().unwrap()], code)
+    };
+    let (said, _) = call("cutoff", &text.replace("cutoff_hz: 10.0", "cutoff_hz: 150.0"), 1);
+    assert!(said.contains("the stage `filter` failed in every recording") && said.contains("150 Hz"), "{said}");
+    assert!(!said.contains("as long as a window"), "{said}");
+    let (said, told) = call("prior", &format!("{text}identify: {{prior_weight: 1000000}}\n"), 0);
+    assert!(said.contains("prior_weight: 1000000") && said.contains("the stated weight of the prior"), "{said}");
+    assert!(!said.contains("too little motion") && !said.contains("record more"), "{said}");
+    assert!(told.contains("next: aloft run"), "{told}");
+    let (_, told) = call("markers", &format!("{text}ik: {{marker_sd_m: 0.1}}\n"), 2);
+    assert!(told.contains("ik.marker_sd_m") && told.contains("0.03"), "{told}");
 }
 
 #[test]

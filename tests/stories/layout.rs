@@ -59,10 +59,38 @@ fn every_text_fits_the_terminal_and_a_run_ends_with_twelve_lines() {
                 call(width, words);
             }
         }
+        for width in [80, 120] {
+            let (out, err) = call(width, &["check", pipeline]);
+            // value and verdict stand in one row, and what was run is not proposed again
+            let heads: Vec<&str> = out.lines().filter(|l| l.starts_with("session check")).collect();
+            assert!(heads.len() == 1 && heads[0].contains("value") && heads[0].contains("expected"), "{out}");
+            assert!(err.contains("next: aloft discover "), "{err}");
+        }
+        // the earlier method is explained, and in the details only
+        assert!(!call(100, &["compare", pipeline]).0.contains("acceleration rows"));
+        let (out, _) = call(1000, &["compare", pipeline, "--details"]);
+        assert!(
+            out.lines()
+                .filter(|l| l.contains("For comparison, `acceleration rows`"))
+                .all(|l| l.contains("the earlier method")),
+            "{out}"
+        );
         let (_, err) = call(80, &["discover", pipeline]);
         assert!(err.contains("next: aloft effect add "), "{err}");
         assert!(err.contains(if name == "a" { "'quadratic_drag[links]'" } else { "'tether[pelvis]'" }), "{err}");
         call(100, &["discover", pipeline, "--details"]);
+    }
+    for width in [80, 120] {
+        let files =
+            ["fixtures/human_twin/jump01.c3d", "fixtures/human_twin/exercise01.c3d", "fixtures/demo/throws_01.c3d"];
+        for file in files {
+            let (code, out, _) = fits(width, &["inspect", file]);
+            assert!(code == Some(0) && out.contains("residual, mm"), "{out}");
+        }
+        for id in aloft_effects::EFFECTS.iter().map(|e| e.id()) {
+            let (code, out, _) = fits(width, &["effect", "show", id]);
+            assert!(code == Some(0) && out.contains("## Physics") && out.contains("Add it"), "{out}");
+        }
     }
     for words in [&["effect", "list"][..], &["effect", "list", "pipelines/demo.yaml"]] {
         for width in [60, 80, 120] {

@@ -48,7 +48,28 @@ pub struct ComparisonView {
     pub to_correct: Option<ToCorrect>,
 }
 
+/// How the comparison begins its sentence on the rows of the earlier method.
+const EARLIER_METHOD: &str = "For comparison, `acceleration rows`";
+
 impl ComparisonView {
+    /// The sentences of the comparison. That on the earlier method stands in the details only: its
+    /// error is of no use to judge this model, and without bound where few flights determine it.
+    pub fn sentences(&self, details: bool) -> Vec<String> {
+        let mut out = Vec::new();
+        for words in &self.comparison.words {
+            let earlier = words.starts_with(EARLIER_METHOD);
+            if earlier && details {
+                let stem = words.trim_end_matches('.');
+                out.push(format!(
+                    "{stem} (the earlier method: parameters from accelerations frame by frame, without tables; it may fail with few flights)."
+                ));
+            } else if !earlier {
+                out.push(words.clone());
+            }
+        }
+        out
+    }
+
     /// True where a search for what is missing has nothing to hold out: one flight or recording
     /// alone.
     pub fn too_few_to_ask(&self) -> bool {
@@ -111,6 +132,10 @@ pub struct ParametersBrief {
     /// error is too large to determine the body.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub hidden_by_error: bool,
+    /// True if the gate did not pass and the pipeline states a weight of the prior that leaves the
+    /// motion no say.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub held_by_prior: bool,
     /// Body mass, kg.
     pub mass_kg: f64,
     /// Why nothing was identified, so that the compared model is the table's body; none if
@@ -133,6 +158,7 @@ impl ParametersBrief {
             gate_passed: p.gate.passed,
             to_do: to_do(p),
             hidden_by_error: false,
+            held_by_prior: false,
             mass_kg: p.mass_kg,
             sigma_ratio: p.sigma.ratio,
             sigma: p.sigma,
@@ -151,6 +177,7 @@ impl ParametersBrief {
             gate_passed: false,
             to_do: None,
             hidden_by_error: false,
+            held_by_prior: false,
             mass_kg,
             sigma_ratio: none,
             sigma: Sigma { max: none, second: none, min: none, ratio: none },
@@ -167,6 +194,10 @@ fn far_above(comparison: &Comparison) -> Option<f64> {
     let flight = comparison.against_floor.iter().find(|a| a.judged_on == "flight")?;
     Some(flight.held_out_error / flight.floor?.noise_floor).filter(|times| *times > FAR)
 }
+
+/// Stated weight of the prior above which a gate that does not pass is put down to it. With 1 the
+/// prior counts as its standard deviations say.
+const HEAVY_PRIOR: f64 = 10.0;
 
 /// What to do about noise that alone makes a large error in flight: it enters the rows on the side
 /// of the unknowns and biases parameters, most of all inertias, which no interval shows.
@@ -284,6 +315,14 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
             "ask `discover` first: an error of {times:.0} times its floor is too large to determine the body; then record more flights ({} \
              now) if the gate still does not pass",
             brief.flights
+        ));
+    }
+    let stated = session.config.identify.prior_weight;
+    if stated > HEAVY_PRIOR && brief.to_do.is_some() && !gate_passed {
+        brief.hidden_by_error = false;
+        brief.held_by_prior = true;
+        brief.to_do = Some(format!(
+            "the weight of the prior (`identify: {{prior_weight: {stated}}}`) holds the parameters at the tables: remove it, then run again"
         ));
     }
     let impulse_mass = impulse_mass(session, &ws);

@@ -380,10 +380,19 @@ fn found(
     if let Some(e) = errors_after.iter().find(|e| Some(&e.judged_on) == judged.as_ref()) {
         found.held_out_error_after = e.held_out_error;
     }
-    let in_flight = errors_after.iter().find(|e| e.judged_on == "flight");
-    if let (Some(open), Some(e)) = (found.open.as_mut().filter(|o| !o.laws.is_empty()), in_flight) {
-        open.held_out_error_after = e.held_out_error;
-        open.times_floor_after = e.times_floor;
+    for (i, step) in found.ladder.iter_mut().enumerate() {
+        let first = found.found.get(..=i).unwrap_or_default();
+        // an effect before the last keeps the values that it has beside those after it
+        let after = if first.len() == found.found.len() {
+            errors_after.clone()
+        } else {
+            promised(session, first, &[], volume).ok().flatten().map(|view| view.errors).unwrap_or_default()
+        };
+        let of = |all: &[HeldOutError]| all.iter().find(|e| e.judged_on == step.judged_on).map(|e| e.held_out_error);
+        step.left_of_error = of(&after).zip(of(&errors)).map(|(a, b)| a / b).filter(|share| share.is_finite());
+    }
+    if let Some(after) = errors_after.iter().find(|e| e.judged_on == "flight").and_then(standing_of) {
+        found.restate_laws(&after);
     }
     found.joints = joint_laws(session, &found, &options)?;
     // JSON has no NaN: an error that is no number is not kept
@@ -436,15 +445,17 @@ fn free_fall(session: &SubjectSession) -> Result<Option<String>, PipelineError> 
         }
         if let Some(fall) = read_json::<FlightReport>(&path)?.free_fall {
             trials += 1;
-            words.extend(fall.warning());
+            words.extend(fall.warning().map(|words| (words, fall.size_differs())));
         }
     }
     let (differing, first) = (words.len(), words.into_iter().next());
-    Ok(first.filter(|_| 2 * differing > trials).map(|first| {
-        format!(
-            "{differing} of {trials} trials with flights: {first}. Correct this first: \
-             `gravity_scale`, `body_mass` and a gain of all plates of the same size then share this one cause"
-        )
+    Ok(first.filter(|_| 2 * differing > trials).map(|(first, in_size)| {
+        let alike = if in_size {
+            "`gravity_scale`, `body_mass` and a gain of all plates of the same size"
+        } else {
+            "`gravity_tilt`, a wind and other constant forces to that side"
+        };
+        format!("{differing} of {trials} trials with flights: {first}. Correct this first: {alike} then share this one cause")
     }))
 }
 

@@ -2,11 +2,15 @@
 //! of motion. `run`, `compare`, `discover`, `history`, the report, exports and all JSON take it
 //! from here.
 
-use aloft_compare::{AgainstFloor, ModelComparison, Signal};
+use aloft_compare::{AgainstFloor, ModelComparison, POOR_TIMES_FLOOR, Signal};
 use aloft_regressor::weak_windows::force_scale_n;
 use aloft_study::revision::Judged;
 use aloft_study::subject_session::SubjectSession;
 use serde::{Deserialize, Serialize};
+
+/// Judgement of an error near its floor that is not trusted: the plates weigh the body at another
+/// mass than the stated one, and every error in newtons scales with the mass.
+const DISTRUSTED: &str = "poor: wrong mass";
 
 /// Held-out error over weak windows of one kind of motion, beside the noise floor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -59,6 +63,13 @@ impl HeldOutError {
             at_floor: a.at_floor,
             signal: a.signal().behind_gate(gate),
         }
+    }
+
+    /// The judgement in words, as every surface prints it: `at the floor`, `fair`, `poor`. An error
+    /// that is poor only because of what it rests on says so.
+    pub fn judged(&self) -> &'static str {
+        let near = self.times_floor.is_some_and(|times| times < POOR_TIMES_FLOOR);
+        if near && self.signal == Signal::Poor { DISTRUSTED } else { self.signal.in_words(self.at_floor) }
     }
 
     /// Judges the error as poor: something that it rests on is known to be wrong.

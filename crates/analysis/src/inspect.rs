@@ -136,8 +136,12 @@ fn residuals(trial: &aloft_trial::Trial) -> Option<ResidualAnalysis> {
 /// Cut-offs of the table, Hz.
 const CUTOFFS_HZ: [f64; 16] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0, 12.0, 14.0, 16.0, 18.0, 20.0, 25.0, 30.0];
 
-/// The inspection as text.
-pub fn to_text(i: &Inspection) -> String {
+/// Columns of the names and of the numbers in the table of cut-offs.
+const NAMES: usize = 16;
+const NUMBERS: usize = 7;
+
+/// The inspection as text; the table of cut-offs takes no more than `width` columns.
+pub fn to_text(i: &Inspection, width: usize) -> String {
     let mut lines = vec![format!("{}: {} frames at {} Hz ({:.2} s)", i.file, i.frames, i.rate_hz, i.duration_s)];
     let labels: Vec<String> = i.markers.iter().map(|m| m.label.clone()).collect();
     lines.push(format!("markers: {} ({})", labels.len(), abridged(&labels)));
@@ -157,14 +161,19 @@ pub fn to_text(i: &Inspection) -> String {
         lines.push(format!("event at {:.3} s: {} {}", e.time_s, e.context, e.label));
     }
     if let Some(a) = &i.residual_analysis {
-        let row = |what: &str, values: &mut dyn Iterator<Item = String>| {
-            format!("  {what:<14}{}", values.map(|v| format!("{v:>7}")).collect::<String>())
+        let row = |what: &str, values: &[String]| {
+            format!("  {what:<14}{}", values.iter().map(|v| format!("{v:>NUMBERS$}")).collect::<String>())
         };
         lines.push(
             "what a low-pass takes away from the markers (order 3, both ways; Winter's residual analysis):".to_owned(),
         );
-        lines.push(row("cut-off, Hz", &mut a.cutoff_hz.iter().map(|f| format!("{f:.0}"))));
-        lines.push(row("residual, mm", &mut a.residual_rms.iter().map(|r| format!("{:.2}", 1e3 * r))));
+        let cutoffs: Vec<String> = a.cutoff_hz.iter().map(|f| format!("{f:.0}")).collect();
+        let residuals: Vec<String> = a.residual_rms.iter().map(|r| format!("{:.2}", 1e3 * r)).collect();
+        let fit = (width.saturating_sub(NAMES) / NUMBERS).max(1);
+        for (cutoffs, residuals) in cutoffs.chunks(fit).zip(residuals.chunks(fit)) {
+            lines.push(row("cut-off, Hz", cutoffs));
+            lines.push(row("residual, mm", residuals));
+        }
         if let (Some(noise), Some(hz)) = (a.noise_rms, a.suggested_cutoff_hz) {
             lines.push(format!(
                 "  noise by extrapolation {:.2} mm; at {hz:.1} Hz as much signal is lost as noise is kept",

@@ -72,6 +72,9 @@ pub fn step(view: &ComparisonView, answer: Option<&Discovery>, held: &[&str]) ->
         return NextStep::Correct(c.words.clone());
     }
     let record = view.parameters.to_do.clone();
+    if let (true, Some(prior)) = (view.parameters.held_by_prior, &record) {
+        return NextStep::Correct(prior.clone());
+    }
     let Some(d) = answer else {
         return match (is_above(view), view.too_few_to_ask()) {
             (_, true) => NextStep::Record(record.unwrap_or_else(|| "record more flights".to_owned())),

@@ -1,5 +1,6 @@
 //! Recordings of a session that hold the same samples as another one: a part that was cut out, or a
-//! recording that was exported twice. The same data would count as further evidence.
+//! recording that was exported twice. The same data would count as further evidence. A copy with
+//! other marker positions (processed again, or with added noise) still has the same plate forces.
 
 use aloft_pipeline::stages::import::ImportRecord;
 use aloft_study::subject_session::SubjectSession;
@@ -22,24 +23,38 @@ pub struct Repeated {
     pub second: String,
     /// Share of the samples of the shorter one that both have (estimated).
     pub share: f64,
+    /// What they share.
+    pub samples: Samples,
+}
+
+/// Samples that two recordings share.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Samples {
+    /// Positions of markers.
+    Markers,
+    /// Forces of plates, beside other positions of the markers: the cameras were processed again,
+    /// noise was added, or the forces of another recording were written into the file.
+    Plates,
 }
 
 /// Pairs of imported recordings that share samples; each recording is named once as the second.
 pub fn repeated(session: &SubjectSession) -> Vec<Repeated> {
     let ws = Workspace::open(&session.workspace);
-    let sketches: Vec<(&str, Vec<u64>)> = session
+    let sketches: Vec<(&str, [Vec<u64>; 2])> = session
         .included()
         .filter(|t| t.role.is_dynamic() && ws.manifest("import", &t.name).is_some_and(|m| m.is_ok()))
         .filter_map(|t| {
             let record: ImportRecord = read_json(&ws.place("import", &t.name).join("quality.json")).ok()?;
-            Some((t.name.as_str(), record.samples))
+            Some((t.name.as_str(), [record.samples, record.plate_samples]))
         })
         .collect();
     let mut out = Vec::new();
     for (i, (second, b)) in sketches.iter().enumerate() {
-        let shared = |(first, a): &(&str, Vec<u64>)| {
-            let share = share_in_common(a, b).filter(|s| *s > SAME)?;
-            Some(Repeated { first: (*first).to_owned(), second: (*second).to_owned(), share })
+        let shared = |(first, a): &(&str, [Vec<u64>; 2])| {
+            [Samples::Markers, Samples::Plates].into_iter().zip(a.iter().zip(b)).find_map(|(samples, (a, b))| {
+                let share = share_in_common(a, b).filter(|s| *s > SAME)?;
+                Some(Repeated { first: (*first).to_owned(), second: (*second).to_owned(), share, samples })
+            })
         };
         out.extend(sketches[..i].iter().find_map(shared));
     }
@@ -48,7 +63,13 @@ pub fn repeated(session: &SubjectSession) -> Vec<Repeated> {
 
 /// What to say of recordings that share samples; none without any.
 pub fn repeated_words(pairs: &[Repeated]) -> Option<String> {
-    let pair = |r: &Repeated| format!("`{}` and `{}` ({:.0} % of the shorter one)", r.first, r.second, 100.0 * r.share);
+    let pair = |r: &Repeated| {
+        let of = match r.samples {
+            Samples::Markers => "",
+            Samples::Plates => "the plates of ",
+        };
+        format!("`{}` and `{}` ({:.0} % of {of}the shorter one)", r.first, r.second, 100.0 * r.share)
+    };
     let mut named: Vec<String> = pairs.iter().take(NAMED).map(pair).collect();
     if pairs.len() > NAMED {
         named.push(format!("and {} more", pairs.len() - NAMED));

@@ -66,17 +66,11 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     let (share, chance) = round.by_chance();
     let unit = if best.judged_on == "contact" { "stretches of contact" } else { "flights or trials" };
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
-    let subject = if d.found.len() > 1 { format!("`{}` alone", best.key) } else { "it".to_owned() };
-    // the error after all of them is that of the motion on which the first was judged
-    let same_place = d.rounds.iter().filter(|r| !r.joined.is_empty()).all(|r| r.judged_on == best.judged_on);
-    let all = if d.found.len() > 1 && same_place && d.held_out_error > 0.0 {
-        let left = percent(d.held_out_error_after / d.held_out_error);
-        format!("; the {} effects found leave {left} % together", d.found.len())
-    } else {
-        String::new()
-    };
+    let several = d.found.len() > 1;
+    let subject = if several { format!("`{}`, fitted alone,", best.key) } else { "it".to_owned() };
+    let then = if several { beside_others(d, best).unwrap_or_default() } else { String::new() };
     Some(format!(
-        "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{all}; by chance the best of all candidates leaves less \
+        "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{then}; by chance the best of all candidates leaves less \
          than {} % in {} of 100 cases",
         percent(best.held_out_ratio),
         percent(best.ci95[0]),
@@ -84,6 +78,25 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
         percent(chance),
         percent(share)
     ))
+}
+
+/// What the ladder will show of several effects found: the first of them, where that differs from
+/// what it leaves in the ranking (there it has its own best values and other held-out motion), and
+/// all of them together.
+/// None where they were judged on other motion than the first.
+fn beside_others(d: &Discovery, best: &Candidate) -> Option<String> {
+    let percent = |x: f64| format!("{:.0}", 100.0 * x);
+    let (first, last) = (d.ladder.first()?, d.ladder.last()?);
+    if d.ladder.iter().any(|step| step.judged_on != best.judged_on) {
+        return None;
+    }
+    // the two errors of the answer are those of the motion of the first round
+    let stated = d.rounds.first().is_some_and(|r| r.judged_on == best.judged_on) && d.held_out_error > 0.0;
+    let together = last.left_of_error.or(stated.then(|| d.held_out_error_after / d.held_out_error)).map(percent)?;
+    let added =
+        first.left_of_error.map(percent).filter(|p| first.key == best.key && *p != percent(best.held_out_ratio));
+    let added = added.map_or(String::new(), |p| format!("; in the ladder it leaves {p} % alone"));
+    Some(format!("{added}; the {} effects found leave {together} % together", d.found.len()))
 }
 
 /// The verdict on the rows of the body.
@@ -110,5 +123,60 @@ fn of_body(d: &Discovery) -> String {
             });
             format!("not detectable{below}")
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    /// A discovery of two effects in contact, after a first round in flight that found nothing.
+    fn two_of_plates(left: [Option<f64>; 2]) -> Discovery {
+        let candidate = |key: &str, ratio: f64| {
+            json!({"effect": key, "key": key, "target": "body", "kind": "artefact", "class": "", "judged_on": "contact",
+                "held_out_ratio": ratio, "ci95": [ratio - 0.05, ratio + 0.05], "chosen_share": 1.0, "family_wise_p": 0.001,
+                "coefficients": [], "nonlinear": [], "trials": [], "confused_with": [], "minimum_detectable": 0.001,
+                "plausible": true, "believed": true, "placebo": false, "alternatives": []})
+        };
+        let round = |place: &str, effect: Option<&str>, ratio: f64| {
+            let named: Vec<&str> = effect.into_iter().collect();
+            json!({"judged_on": place, "model": [], "held_out_error": 1.0, "held_out_parts": [null, null], "threshold": 0.7,
+                "null_quantiles": [0.3, 0.9, 0.95], "clusters": 7, "effects": named, "joined": named, "words": "",
+                "verdict": if effect.is_some() { "supported" } else { "nothing_missing" },
+                "candidates": effect.map(|e| candidate(e, ratio)).into_iter().collect::<Vec<_>>()})
+        };
+        let found = |key: &str| json!({"effect": key, "key": key, "target": "body", "nonlinear": [], "coefficients": [], "trials": []});
+        let step = |key: &str, left: Option<f64>| {
+            json!({"key": key, "judged_on": "contact", "held_out_error_before": 1.0, "held_out_error": 0.5, "ratio": 0.5,
+                "ci95": [0.4, 0.6], "coefficients": [], "trials": [], "left_of_error": left})
+        };
+        let answer = json!({"schema": 1, "verdict": "supported", "effects": ["a", "b"], "words": "", "noise_floor": 10.8,
+            "held_out_error": 12.5, "held_out_error_after": 13.5, "held_out_error_of_weight": 0.01, "candidates": [],
+            "rounds": [round("flight", None, 1.0), round("contact", Some("a"), 0.23), round("contact", Some("b"), 0.65)],
+            "found": [found("a"), found("b")], "ladder": [step("a", left[0]), step("b", left[1])], "advice": [], "warnings": []});
+        serde_json::from_value(answer).unwrap()
+    }
+
+    #[test]
+    fn what_effects_leave_is_that_of_the_motion_on_which_they_were_judged() {
+        let words = how_sure(&two_of_plates([Some(0.23), Some(0.24)])).unwrap();
+        assert!(words.contains("`a`, fitted alone, leaves 23 % (18 to 28 %)"), "{words}");
+        assert!(
+            words.contains("the 2 effects found leave 24 % together") && !words.contains("in the ladder"),
+            "{words}"
+        );
+        // without that of the stages nothing is said: the errors of the answer are those in flight
+        let words = how_sure(&two_of_plates([None, None])).unwrap();
+        assert!(!words.contains("together") && !words.contains("108"), "{words}");
+    }
+
+    #[test]
+    fn the_first_effect_leaves_what_the_ladder_will_show() {
+        let words = how_sure(&two_of_plates([Some(0.62), Some(0.36)])).unwrap();
+        assert!(
+            words.contains("in the ladder it leaves 62 % alone; the 2 effects found leave 36 % together"),
+            "{words}"
+        );
     }
 }

@@ -2,10 +2,11 @@
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
 use crate::each::{broken, each, each_result, each_step, fail, heading, notice};
+use crate::markdown::markdown;
 use crate::open::{description_of, open, open_all, openers};
 use crate::progress::{Bars, Counted, Waiting};
 use crate::render::{command, json, note, out, table};
-use crate::screen::Cell;
+use crate::screen::{Cell, fitted, width};
 use crate::stop::Stop;
 use crate::{
     Success, findings, ladder, marker_sets, next, residuals, run_end, show, show_estimators, show_export, show_session,
@@ -99,7 +100,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             if as_json {
                 json(&found)?
             } else {
-                out(inspect::to_text(&found))?
+                out(fitted(&inspect::to_text(&found, width())))?
             }
             Ok(Success::Full)
         }
@@ -297,7 +298,7 @@ fn effects(action: EffectAction) -> Result<Success, Stop> {
         EffectAction::Show { words } => {
             let (name, pipeline) = name_and_pipeline(&words);
             let found = effect::show(name, pipeline)?;
-            out(format!("# {} ({})\n\n{}", found.title, found.id, found.documentation))?;
+            out(markdown(&format!("# {} ({})\n\n{}", found.title, found.id, found.documentation)))?;
             Ok(Success::Full)
         }
         EffectAction::Add { pipeline, name, set, details, wait } => {
@@ -459,7 +460,14 @@ fn show_check(args: &PipelineArgs, details: bool) -> Result<Success, Stop> {
         note(format!("warning: {remark}"));
     }
     if !trouble {
-        command("next", &next::line("run", args, &[]));
+        let mut steps = Vec::new();
+        for session in &set.members {
+            let current = freshness(session).is_ok_and(|f| f.is_current());
+            let view = if current { compare::compare(session).ok() } else { None };
+            steps.push((&session.id, view.map_or(NextStep::Run, |view| next_step(session, &view, true))));
+        }
+        let step = if steps.is_empty() { next::line("run", args, &[]) } else { next::for_all(&steps, args) };
+        command("next", &step);
     }
     Ok(if trouble { Success::Partial } else { Success::Full })
 }

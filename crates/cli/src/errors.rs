@@ -14,7 +14,7 @@ pub fn figure(value: Option<f64>) -> String {
 
 /// Judgement in one or two words: `at the floor`, `fair`, `poor`.
 pub fn judgement(e: &HeldOutError) -> Cell {
-    Cell::judged(e.signal.in_words(e.at_floor), e.signal)
+    Cell::judged(e.judged(), e.signal)
 }
 
 /// One row for each kind of motion.
@@ -68,10 +68,11 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
     let tables = p.in_all - p.from_motion - p.from_scale;
     let scale = if p.from_scale > 0 { format!(", {} from the scale", p.from_scale) } else { String::new() };
     let rest = if tables > 0 { format!("{scale}, {tables} from tables") } else { scale };
-    let gate = match (p.gate_passed, p.hidden_by_error) {
-        (true, _) => "gate passed",
-        (false, true) => "gate not passed: the error is too large to determine the body",
-        (false, false) => "gate not passed: too little motion to determine the body",
+    let gate = match (p.gate_passed, p.held_by_prior, p.hidden_by_error) {
+        (true, ..) => "gate passed",
+        (false, true, _) => "gate not passed: the stated weight of the prior holds the body at the tables",
+        (false, false, true) => "gate not passed: the error is too large to determine the body",
+        (false, false, false) => "gate not passed: too little motion to determine the body",
     };
     let words = format!("{} of {} parameters from motion{rest}; {gate}", p.from_motion, p.in_all);
     let signal = if p.gate_passed { Signal::Good } else { Signal::Poor };
@@ -186,7 +187,7 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
         out(labelled("note        ", line))?;
     }
     if view.errors.is_empty() {
-        out("error       nothing to compare: no flight or held-out contact is as long as a window")?;
+        out(labelled("error       ", &format!("nothing to compare: {}", nothing_because(view))))?;
     } else {
         out(grid(&view.errors))?;
     }
@@ -204,6 +205,19 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
 /// would not help.
 fn is_void(view: &ComparisonView) -> bool {
     view.to_correct.as_ref().is_some_and(|c| c.void)
+}
+
+/// Why there is no error: the failure of all recordings, or none that is long enough.
+fn nothing_because(view: &ComparisonView) -> String {
+    let failed: Vec<(&str, &LeftOut)> = view.left_out.iter().filter_map(|l| Some((l.stage?, l))).collect();
+    let rest = view.comparison.first.trials.iter().any(|t| !failed.iter().any(|(_, l)| l.trial == t.trial));
+    match failed.first() {
+        Some((stage, first)) if !rest && failed.iter().all(|(other, _)| other == stage) => {
+            format!("the stage `{stage}` failed in every recording: {}", first.because)
+        }
+        Some(_) if !rest => "every recording failed".to_owned(),
+        _ => "no flight or held-out contact is as long as a window".to_owned(),
+    }
 }
 
 /// What to do about a gate that did not pass.

@@ -8,6 +8,7 @@ mod errors;
 mod findings;
 mod ladder;
 mod laws;
+mod markdown;
 mod marker_sets;
 mod next;
 mod open;

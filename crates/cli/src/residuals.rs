@@ -28,7 +28,8 @@ pub fn comparison(view: &ComparisonView, by: &[ByArg], details: bool) -> Result<
     let c = &view.comparison;
     if by.is_empty() {
         errors::block(view)?;
-        let words = &c.words[view.errors.len().min(c.words.len())..];
+        let words = view.sentences(details);
+        let words = &words[view.errors.len().min(words.len())..];
         if !words.is_empty() {
             out("")?;
             crate::screen::list(words)?;

@@ -65,6 +65,19 @@ pub fn labelled(label: &str, text: &str) -> String {
     textwrap::fill(text.trim_end(), options)
 }
 
+/// A text of several lines, each wrapped to the width and continued below with a larger indent.
+pub fn fitted(text: &str) -> String {
+    let line = |line: &str| {
+        let indent = " ".repeat(line.len() - line.trim_start().len() + 2);
+        let options = textwrap::Options::new(width())
+            .subsequent_indent(&indent)
+            .break_words(false)
+            .word_splitter(textwrap::WordSplitter::NoHyphenation);
+        textwrap::fill(line, options)
+    };
+    text.lines().map(line).collect::<Vec<_>>().join("\n")
+}
+
 /// A label and a text on a single line, cut where it is too long.
 pub fn one_line(label: &str, text: &str) -> String {
     cut(&format!("{label}{text}"), width())

@@ -12,7 +12,8 @@ pub fn session_check(checked: &SessionCheck) -> Result<(), Stop> {
     if checked.lines.is_empty() {
         return Ok(());
     }
-    let mut t = table(&["session check", "value", "95 %", "expected", "n", ""]);
+    // a long name takes a second line, so that value and verdict stay in one row
+    let mut t = table(&["session check", "value", "95 %", "expected", "n", ""]).wrapped(0);
     for line in &checked.lines {
         t.add_row([
             visible(&line.what),

@@ -62,6 +62,7 @@ pub fn addition(
         ci95: ratio_interval(&scored.fold_error, &plain, &weights),
         coefficients,
         trials: choice.trials.clone(),
+        left_of_error: None,
     })
 }
 

@@ -295,11 +295,11 @@ pub struct Discovery {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error_by_parameters: Option<f64>,
     /// Held-out error of the present model, N, as reported by the comparison: force, and moment
-    /// over a lever of 0.1 m.
+    /// over a lever of 0.1 m. In flight; in contact where no recording has a flight.
     #[serde(deserialize_with = "nullable")]
     pub held_out_error: f64,
-    /// Held-out error with the effects found, N: the same, scaled by the relative change of the
-    /// rows' error.
+    /// Held-out error with the effects found on the same motion, N: computed by all stages, or
+    /// scaled by the relative change of the rows' error.
     #[serde(deserialize_with = "nullable")]
     pub held_out_error_after: f64,
     /// `held_out_error` as a share of the body's weight.
@@ -403,6 +403,11 @@ pub struct Addition {
     pub coefficients: Vec<Estimate>,
     /// Trials in which it acts; empty for all.
     pub trials: Vec<String>,
+    /// Share of the held-out error of the present model there that remains with this effect and
+    /// those before it, computed by all stages: what `history` will show once they are added. Null
+    /// where that was not computed.
+    #[serde(default)]
+    pub left_of_error: Option<f64>,
 }
 
 /// An effect whose law gives NaN or infinity on these recordings, with the place where it does.

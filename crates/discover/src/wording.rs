@@ -3,7 +3,7 @@
 use crate::held_out::HeldOutResult;
 use crate::laws::{OpenWorld, WHOLE_BODY};
 use crate::problem::Domain;
-use crate::result::{Candidate, Discovery, FEWEST_CLUSTERS, Verdict};
+use crate::result::{Candidate, Discovery, FEWEST_CLUSTERS, MANY_CLUSTERS, Verdict};
 use aloft_effects::{About, Effect, EffectKind};
 use aloft_identify::half_of;
 
@@ -266,7 +266,9 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
             }
         }
         Verdict::NotDetectable if d.candidates.iter().all(|c| c.placebo) => {}
-        Verdict::NotDetectable => out.push("record at least six flights, better in six trials".to_owned()),
+        Verdict::NotDetectable => {
+            out.push(record_more(d).unwrap_or_else(|| "record more flights, better in more trials".to_owned()));
+        }
         Verdict::Unexplained if d.open.as_ref().is_some_and(|o| o.complete) => {
             out.push(
                 "a law found on these motions need not hold for others: record at other places, speeds and headings, and rank it again there"
@@ -288,6 +290,7 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
             }
         }
         Verdict::Unexplained => {
+            out.extend(record_more(d));
             out.push(
                 "an effect of your own (`effects: {define: …}`) can be ranked beside the catalogue; wrong joint centres, a wrong prior of a link, or soft \
                  tissue of a person that moves all markers of a segment together leave such an error, too"
@@ -300,10 +303,67 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
     out
 }
 
+/// What to record where so few flights or trials count as evidence that no effect could be named, or
+/// only a large one; none where there are many.
+fn record_more(d: &Discovery) -> Option<String> {
+    let place = &d.rounds.first()?.judged_on;
+    let of = |place: &str| d.rounds.iter().filter(|r| r.judged_on == place).map(|r| r.clusters).min();
+    let contact = domain(Domain::Contact);
+    let fewer_than = |most: usize, place: &str| of(place).filter(|n| *n < most);
+    if let Some(n) = fewer_than(FEWEST_CLUSTERS, place).filter(|_| place != contact) {
+        return Some(format!(
+            "record more flights, at least {FEWEST_CLUSTERS}, better in {FEWEST_CLUSTERS} trials: {n} count now, too few to name any effect"
+        ));
+    }
+    if let Some(n) = fewer_than(FEWEST_CLUSTERS, contact) {
+        return Some(format!(
+            "record more contact on the plates, at least {FEWEST_CLUSTERS} stretches, better in {FEWEST_CLUSTERS} trials: {n} count now, too few \
+             to name any effect there"
+        ));
+    }
+    let n = fewer_than(MANY_CLUSTERS, place)?;
+    let what = if place == contact { "contact on the plates" } else { "flights" };
+    Some(format!(
+        "record more {what}: {n} flights or trials count now, and from {MANY_CLUSTERS} on smaller effects can be named"
+    ))
+}
+
 /// What a session without flights cannot show.
 pub(crate) fn no_flights(untried: usize) -> String {
     format!(
         "no recording has a flight: only errors of the plates and of the stated mass can be judged; {untried} effects that act in the air, \
          too, were not tried, because on the plates they cannot be told from these errors (record jumps)"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn unexplained(verdict: &str, clusters: usize) -> Discovery {
+        let round = json!({"judged_on": "flight", "model": [], "held_out_error": 39.9, "held_out_parts": [null, null],
+            "threshold": 0.7, "null_quantiles": [0.3, 0.9, 0.95], "clusters": clusters, "effects": [], "words": "",
+            "verdict": verdict, "candidates": []});
+        let candidate = json!({"effect": "a", "key": "a", "target": "body", "kind": "physics", "class": "", "judged_on": "flight",
+            "held_out_ratio": 0.98, "ci95": [0.9, 1.1], "chosen_share": 1.0, "family_wise_p": 0.5, "coefficients": [],
+            "nonlinear": [], "trials": [], "confused_with": [], "minimum_detectable": 0.001, "plausible": true,
+            "believed": false, "placebo": false, "alternatives": []});
+        let answer = json!({"schema": 1, "verdict": verdict, "effects": [], "words": "", "noise_floor": 9.3,
+            "held_out_error": 39.9, "held_out_error_after": 39.9, "held_out_error_of_weight": 0.06,
+            "candidates": [candidate], "rounds": [round], "found": [], "advice": [], "warnings": []});
+        serde_json::from_value(answer).unwrap()
+    }
+
+    #[test]
+    fn few_flights_are_the_first_thing_that_the_advice_names() {
+        for verdict in ["unexplained", "not_detectable"] {
+            let few = advice(&unexplained(verdict, 2), &[]);
+            assert!(few[0].contains("record more flights, at least 6") && few[0].contains("2 count now"), "{few:?}");
+            let more = advice(&unexplained(verdict, 8), &[]);
+            assert!(more[0].contains("record more flights: 8 flights or trials"), "{more:?}");
+        }
+        let many = advice(&unexplained("unexplained", 20), &[]);
+        assert!(many.len() == 1 && many[0].contains("an effect of your own"), "{many:?}");
+    }
 }

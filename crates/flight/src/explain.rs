@@ -102,8 +102,8 @@ const UNITS: [(f64, &str); 14] = [
     (3.280_84, "feet stated as metres"),
     (0.3048, "metres stated as feet"),
 ];
-/// Gravity on celestial bodies, m/s².
-const PLACES: [(f64, &str); 4] = [(9.81, "the Earth"), (1.62, "the Moon"), (3.71, "Mars"), (8.87, "Venus")];
+/// Gravity that recordings state or simulate, m/s².
+const PLACES: [(f64, &str); 3] = [(9.81, "the Earth"), (1.62, "the Moon"), (3.71, "Mars")];
 /// Range of marker extent over stature that is consistent with correct lengths: markers end below
 /// the crown, arms may be raised, knees bent.
 const EXTENT: [f64; 2] = [0.8, 1.3];
@@ -288,6 +288,13 @@ mod tests {
         }
         let clock = first(1.024_f64.powi(-2), &Clues::default());
         assert!(clock.cause == Cause::FrameRate && clock.words.contains("1024"), "{clock:?}");
+    }
+
+    #[test]
+    fn gravity_is_not_guessed_to_be_that_of_a_planet_on_which_nobody_records() {
+        let all = of_ratio(0.907, [0.901, 0.913], 9.81, 210.0, &Clues::default());
+        let gravity = all.iter().find(|e| e.cause == Cause::Gravity).unwrap();
+        assert!(!gravity.usual && gravity.words.contains("gravity of 8.9 m/s²"), "{gravity:?}");
     }
 
     #[test]

@@ -103,7 +103,7 @@ impl FreeFall {
         out.ratio_ci95 = Some(ci95);
         out.tilt_deg = Some(tilt_deg);
         out.tilt_half95_deg = Some(tilt_half);
-        if (ratio - 1.0).abs() > LEAST_DIFFERENCE && !(ci95[0]..=ci95[1]).contains(&1.0) {
+        if ratio_differs(ratio, ci95) {
             out.differs = true;
             out.explanations = explain::of_ratio(ratio, ci95, stated, rate_hz, clues);
         }
@@ -114,6 +114,12 @@ impl FreeFall {
         Some(out)
     }
 
+    /// True if the magnitude differs from the stated gravity beyond its interval; false where only
+    /// the direction does.
+    pub fn size_differs(&self) -> bool {
+        self.ratio.zip(self.ratio_ci95).is_some_and(|(ratio, ci95)| ratio_differs(ratio, ci95))
+    }
+
     /// The difference and its explanations in words; `None` if nothing differs.
     pub fn warning(&self) -> Option<String> {
         let (ratio, ci95, tilt, half) = (self.ratio?, self.ratio_ci95?, self.tilt_deg?, self.tilt_half95_deg?);
@@ -121,7 +127,8 @@ impl FreeFall {
             return None;
         }
         let leaning = if tilt > LEAST_TILT_DEG.max(half) {
-            format!(", {tilt:.1}° ± {half:.1}° off the stated vertical")
+            let but = if self.size_differs() { "and" } else { "but" };
+            format!(", {but} {tilt:.1}° ± {half:.1}° off the stated vertical")
         } else {
             String::new()
         };
@@ -137,14 +144,22 @@ impl FreeFall {
         if !reasons.is_empty() {
             unlikely += &format!(" ({})", reasons.join("; "));
         }
+        let size = if self.size_differs() {
+            let [value, low, high] = [ratio, ci95[0], ci95[1]].map(|x| number(x, 3));
+            format!("with {value} times the stated gravity ({low} to {high}, 95 %)")
+        } else {
+            "with the stated gravity".to_owned()
+        };
         Some(format!(
-            "in flight the centre of mass falls with {} times the stated gravity ({} to {}, 95 %){leaning}; what would explain it: {}{unlikely}",
-            number(ratio, 3),
-            number(ci95[0], 3),
-            number(ci95[1], 3),
+            "in flight the centre of mass falls {size}{leaning}; what would explain it: {}{unlikely}",
             if fitting.is_empty() { "nothing usual".to_owned() } else { fitting.join(", or ") }
         ))
     }
+}
+
+/// True if a ratio to the stated gravity differs from one beyond its interval.
+fn ratio_differs(ratio: f64, ci95: [f64; 2]) -> bool {
+    (ratio - 1.0).abs() > LEAST_DIFFERENCE && !(ci95[0]..=ci95[1]).contains(&1.0)
 }
 
 /// The axis of the world along which the body falls (or toward which the fall is tilted, if it is
@@ -153,4 +168,30 @@ fn axis(toward: &Vector3<f64>, tilt_deg: f64, sideways: &Vector3<f64>) -> String
     let v = if tilt_deg > 45.0 { toward } else { sideways };
     let k = v.iamax();
     format!("{}{}", if v[k] < 0.0 { "−" } else { "+" }, ["X", "Y", "Z"][k])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_warning_states_what_differs() {
+        let fall = |ratio: f64, tilt_deg: f64| FreeFall {
+            flights: 2,
+            acceleration_mps2: [0.0, 0.0, -9.81 * ratio],
+            stated_mps2: 9.81,
+            ratio: Some(ratio),
+            ratio_ci95: Some([ratio - 0.01, ratio + 0.01]),
+            tilt_deg: Some(tilt_deg),
+            tilt_half95_deg: Some(0.4),
+            differs: true,
+            explanations: Vec::new(),
+        };
+        let tilted = fall(1.001, 5.7).warning().unwrap();
+        assert!(tilted.contains("falls with the stated gravity, but 5.7° ± 0.4° off the stated vertical"), "{tilted}");
+        let weaker = fall(0.907, 0.1).warning().unwrap();
+        assert!(weaker.contains("falls with 0.907 times the stated gravity (0.897 to 0.917, 95 %);"), "{weaker}");
+        let both = fall(0.907, 5.7).warning().unwrap();
+        assert!(both.contains("times the stated gravity") && both.contains(", and 5.7°"), "{both}");
+    }
 }

@@ -44,10 +44,10 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     details.extend(remarks(story));
     if let Some(view) = view {
         details.push(model_table(view).into());
-        let words = &view.comparison.words;
+        let words = view.sentences(true);
         details.push(Block::Folded {
             title: "Where the model fails, in sentences".into(),
-            blocks: vec![Block::List { items: words.clone() }],
+            blocks: vec![Block::List { items: words }],
         });
     }
     sections.push(Section::new("details", "What it rests on", "", details));

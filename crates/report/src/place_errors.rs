@@ -42,7 +42,7 @@ impl PlaceError {
             ratio: e.times_floor,
             at_floor: e.at_floor == Some(true) && e.signal != Signal::Poor,
             signal: e.signal,
-            judged: e.signal.in_words(e.at_floor),
+            judged: e.judged(),
         }
     }
     /// Judgement as a light.

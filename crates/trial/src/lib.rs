@@ -43,7 +43,7 @@ pub use person::{person_key, person_of};
 pub use quality::{MarkerQuality, QualityOptions, QualityReason, Severity, TrialQuality, assess};
 pub use recorded::{RecordedAt, recorded_at};
 pub use recording::{ComputedPoint, Event, Markers, Plate, Trial};
-pub use samples::{sample_sketch, share_in_common};
+pub use samples::{plate_sketch, sample_sketch, share_in_common};
 pub use segments::ARM_M;
 pub use session::{SessionRecording, SessionSource, SessionTimes, session_times};
 pub use smoothing::{Smoothing, smoothing};

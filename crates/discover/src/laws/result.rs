@@ -149,6 +149,9 @@ pub struct OpenWorld {
     pub complete: bool,
     /// Held-out error with the laws over the floor; null without a floor.
     pub times_floor_after: Option<f64>,
+    /// True if that error is not above the interval of the floor; null where neither is known.
+    #[serde(default)]
+    pub at_floor_after: Option<bool>,
     /// Held-out error with the laws, N.
     pub held_out_error_after: f64,
     /// Budget after which the search was stopped, s: more time may find more. None if it ended by

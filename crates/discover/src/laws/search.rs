@@ -201,6 +201,7 @@ pub(crate) fn search(
         })
         .collect();
     let ratio = if named { ratio } else { 1.0 };
+    let held_out_error_after = after.filter(|_| named).or(model_error.map(|s| s.held_out_error)).unwrap_or(ratio);
     let mut out = OpenWorld {
         model,
         entries: made.tried,
@@ -212,7 +213,8 @@ pub(crate) fn search(
         laws: found,
         complete,
         times_floor_after: if named { times_floor } else { model_error.map(|s| s.held_out_error / s.noise_floor) },
-        held_out_error_after: after.filter(|_| named).or(model_error.map(|s| s.held_out_error)).unwrap_or(ratio),
+        at_floor_after: model_error.and_then(|s| s.noise_floor_ci95.map(|_| s.reached_by(held_out_error_after))),
+        held_out_error_after,
         stopped_after_s: options.budget_s.filter(|_| until.is_over()),
         words: String::new(),
     };

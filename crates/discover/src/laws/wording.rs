@@ -3,9 +3,11 @@
 use super::kinematics::{Action, Direction, Variable};
 use super::law::{Law, PointIs};
 use super::result::{Diagnosis, LawKind, OpenWorld, Work};
-use crate::result::Estimate;
+use crate::held_out::HeldOutResult;
+use crate::result::{Discovery, Estimate};
 use aloft_effects::Scene;
 use aloft_identify::half_of;
+use aloft_regressor::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR};
 use nalgebra::{DVector, Vector3};
 
 /// A direction in words.
@@ -178,6 +180,34 @@ pub(crate) fn documentation(text: &str, values: &[&Estimate], ratio: f64, p: f64
     )
 }
 
+/// How much of the error laws describe: the words follow the judgement of what they leave, with the
+/// limits of the ladder.
+fn lead(o: &OpenWorld) -> String {
+    let law = "a law outside the catalogue describes";
+    let left = |times: f64| format!("of the error; {times:.1} times its floor remain");
+    match (o.times_floor_after, o.at_floor_after) {
+        _ if !o.complete => "part of the error follows a law outside the catalogue".to_owned(),
+        (Some(times), _) if times >= POOR_TIMES_FLOOR => format!("{law} a part {} (poor)", left(times)),
+        (Some(times), None) if times < FAIR_TIMES_FLOOR => format!("{law} the error down to its floor"),
+        (None, _) | (_, Some(true)) => format!("{law} the error down to its floor"),
+        (Some(times), _) => format!("{law} most {} (fair)", left(times)),
+    }
+}
+
+impl Discovery {
+    /// States what laws beyond the catalogue leave in flight as computed by all stages: errors and
+    /// words follow it. Nothing changes without laws that are the answer.
+    pub fn restate_laws(&mut self, after: &HeldOutResult) {
+        let Some(open) = self.open.as_mut().filter(|o| o.complete && !o.laws.is_empty()) else { return };
+        open.held_out_error_after = after.held_out_error;
+        open.times_floor_after = Some(after.times_floor()).filter(|t| t.is_finite());
+        open.at_floor_after = after.noise_floor_ci95.map(|_| after.reached_by(after.held_out_error));
+        let words = answer(open);
+        self.words = self.words.replace(&open.words, &words);
+        open.words = words;
+    }
+}
+
 /// The result of the search.
 pub(crate) fn answer(o: &OpenWorld) -> String {
     let stopped = o.stopped_after_s.map_or(String::new(), |s| {
@@ -199,13 +229,49 @@ pub(crate) fn answer(o: &OpenWorld) -> String {
                     LawKind::Curve => format!("`{}` (no simple expression fits: a curve): {}", l.id, l.text),
                 })
                 .collect();
-            let lead = if o.complete {
-                "a law outside the catalogue describes the error down to its floor"
-            } else {
-                "part of the error follows a law outside the catalogue"
-            };
-            format!("{lead}: {}", each.join("; and "))
+            format!("{}: {}", lead(o), each.join("; and "))
         }
     };
     found + &stopped
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn open(times: Option<f64>, at_floor: Option<bool>) -> OpenWorld {
+        OpenWorld {
+            model: Vec::new(),
+            entries: 10,
+            clusters: 20,
+            by_chance: 0.9,
+            diagnosis: None,
+            atlas: Vec::new(),
+            laws: Vec::new(),
+            next: None,
+            complete: true,
+            times_floor_after: times,
+            at_floor_after: at_floor,
+            held_out_error_after: 1.0,
+            stopped_after_s: None,
+            words: String::new(),
+        }
+    }
+
+    #[test]
+    fn the_words_on_a_law_follow_the_judgement_of_what_it_leaves() {
+        for (times, at_floor, words) in [
+            (1.2, Some(true), "the error down to its floor"),
+            (1.2, None, "the error down to its floor"),
+            (1.2, Some(false), "most of the error; 1.2 times its floor remain (fair)"),
+            (2.1, Some(true), "the error down to its floor"),
+            (2.1, Some(false), "most of the error; 2.1 times its floor remain (fair)"),
+            (3.6, Some(false), "a part of the error; 3.6 times its floor remain (poor)"),
+            (3.6, Some(true), "a part of the error; 3.6 times its floor remain (poor)"),
+        ] {
+            assert_eq!(lead(&open(Some(times), at_floor)), format!("a law outside the catalogue describes {words}"));
+        }
+        let part = OpenWorld { complete: false, ..open(Some(1.2), Some(true)) };
+        assert_eq!(lead(&part), "part of the error follows a law outside the catalogue");
+    }
 }

@@ -20,7 +20,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "import",
-    version: 8,
+    version: 9,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set (robots: joint log, base pose)",
@@ -74,6 +74,9 @@ pub struct ImportRecord {
     /// Sketch of the samples, by which recordings of the same motion are found.
     #[serde(default)]
     pub samples: Vec<u64>,
+    /// The same of the forces of the plates; empty in workspaces of earlier versions.
+    #[serde(default)]
+    pub plate_samples: Vec<u64>,
 }
 
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
@@ -85,6 +88,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let mut trial = read_recording(import, recording)?;
     let held = trial.truncated();
     holds_enough(import, recording, &trial)?;
+    // as measured: a correction of one recording must not hide that another one has the same forces
+    let plate_samples = aloft_trial::plate_sketch(&trial.plates);
     let corrected = corrections.apply(&mut trial);
     let matched = apply_marker_set(&mut trial, marker_set, &import.aliases);
     if matched.present.is_empty() {
@@ -179,7 +184,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     done.note("missing_samples", gaps_left);
     done.warnings.extend(trial.warnings.iter().map(ToString::to_string));
     done.warnings.extend(texts_of(&quality.reasons));
-    write_json(&inputs.out.join("quality.json"), &ImportRecord { matched, fills, findings, quality, samples })?;
+    let record = ImportRecord { matched, fills, findings, quality, samples, plate_samples };
+    write_json(&inputs.out.join("quality.json"), &record)?;
     Ok(done)
 }
 

@@ -185,7 +185,7 @@ IkConfig {
     #[schemars(schema_with = "weights")]
     weights: BTreeMap<String, f64> = BTreeMap::new(),
     /// Standard deviation of a marker about its place on the link, m.
-    #[schemars(range(min = 1e-5, max = 0.1))]
+    #[schemars(range(min = 1e-5, max = 0.03))]
     marker_sd_m: f64 = 0.002,
 }}
 
