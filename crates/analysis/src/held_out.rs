@@ -105,3 +105,31 @@ fn share(error_n: f64, weight_n: f64) -> Option<f64> {
 pub fn weight_n(session: &SubjectSession) -> f64 {
     force_scale_n(session.facts.person.mass_kg, session.facts.gravity_mps2)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_near_its_floor_that_is_not_trusted_says_why() {
+        let mut error = HeldOutError {
+            judged_on: "flight".to_owned(),
+            held_out_error: 5.8,
+            held_out_error_of_weight: None,
+            held_out_force_n: None,
+            held_out_moment_nm: None,
+            tables_error: None,
+            windows: 20,
+            noise_floor: Some(5.7),
+            noise_floor_ci95: Some([4.5, 7.3]),
+            times_floor: Some(1.0),
+            at_floor: Some(true),
+            signal: Signal::Good,
+        };
+        assert_eq!(error.judged(), "at the floor");
+        error.distrust();
+        assert_eq!(error.judged(), "poor: wrong mass");
+        error.times_floor = Some(96.0);
+        assert_eq!(error.judged(), "poor");
+    }
+}

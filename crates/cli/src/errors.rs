@@ -150,7 +150,7 @@ fn constant(view: &ComparisonView) -> Option<String> {
     let hidden = (measured * measured - shown * shown).max(0.0).sqrt();
     (hidden > floor_n && measured > MUCH * shown).then(|| {
         let text = format!(
-            "{} N in contact as measured: a constant force was subtracted for plates that are never unloaded",
+            "{} N in contact as measured: constants of plates never unloaded were subtracted",
             significant(measured, 3)
         );
         crate::screen::one_line("hidden      ", &text)
