@@ -65,7 +65,12 @@ pub fn next_step(session: &SubjectSession, view: &ComparisonView, current: bool)
 /// The next step, given the answer of `discover` for the present model and results (none if it was
 /// not asked) and the keys of the effects that the model holds.
 pub fn step(view: &ComparisonView, answer: Option<&Discovery>, held: &[&str]) -> NextStep {
-    let named = |d: &Discovery| matches!(d.verdict, Verdict::Supported | Verdict::OneOf);
+    // an effect of gravity's size or direction is another name of what has to be corrected
+    let same = |id: &String| aloft_effects::effect(id).is_ok_and(|e| e.about().shows_in_free_fall);
+    let named = |d: &Discovery| {
+        matches!(d.verdict, Verdict::Supported | Verdict::OneOf)
+            && !(view.to_correct.as_ref().is_some_and(|c| c.first) && d.effects.iter().any(same))
+    };
     if let Some(c) = &view.to_correct
         && (c.void || c.first && !answer.is_some_and(named) || answer.is_some_and(|d| !named(d)))
     {

@@ -196,15 +196,14 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
     }
     // a wrong mass or gain, and what to record, come before the place of the largest error; three
     // lines of all of them, so that a run ends with twelve
-    let first = [contradicted(view), weighed(view), to_do(view).filter(|_| !is_void(view))];
+    let first = [contradicted(view), weighed(view), to_do(view).filter(|_| !waits(view))];
     let place = if first.iter().all(Option::is_none) { worst(view) } else { in_the_moment(view) };
     first.into_iter().chain([place, constant(view)]).flatten().take(3).try_for_each(out)
 }
 
-/// True if something has to be corrected before any error can be judged: to record more of the same
-/// would not help.
-fn is_void(view: &ComparisonView) -> bool {
-    view.to_correct.as_ref().is_some_and(|c| c.void)
+/// True if something has to be corrected first: to ask or to record more would not help before.
+fn waits(view: &ComparisonView) -> bool {
+    view.to_correct.as_ref().is_some_and(|c| c.void || c.first)
 }
 
 /// Why there is no error: the failure of all recordings, or none that is long enough.

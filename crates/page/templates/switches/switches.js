@@ -13,7 +13,8 @@ const Studio = (() => {
   const two = (v) => (v >= 100 ? v.toFixed(0) : v.toPrecision(2));
   const times = (v) => (v === null || v === undefined ? "" : two(v) + " × floor");
   // the words of the commands (`Signal::in_words`)
-  const judged = (e) => (e.signal === "unknown" ? "not judged" : e.at_floor && e.signal === "good" ? "at the floor" : e.at_floor && e.signal === "fair" ? "at the floor, from tables" : e.signal);
+  const below = (e) => e.signal === "good" && e.noise_floor_ci95 && e.held_out_error < e.noise_floor_ci95[0];
+  const judged = (e) => (e.signal === "unknown" ? "not judged" : below(e) ? "below the floor" : e.at_floor && e.signal === "good" ? "at the floor" : e.at_floor && e.signal === "fair" ? "at the floor, from tables" : e.signal);
   const same = (a, b) => a.length === b.length && a.every((k) => b.includes(k));
   // what differs from the present model: a choice of effects, or what a live page adds to it
   const others = [];
