@@ -144,7 +144,8 @@ mod tests {
 
     fn rows() -> TrialColumns {
         let stretch = Stretch::flight("t", 2, 0, 0);
-        let columns = Columns { parameters: vec!["M".into(), "x".into()], effects: vec!["e.k".into()] };
+        let columns =
+            Columns { parameters: vec!["M".into(), "x".into()], effects: vec!["e.k".into()], of_tables: Vec::new() };
         let values = (0..10).map(|i| 0.1 * f64::from(i) + 1.0).collect();
         let factor = Factor::from_values(&stretch, RowKind::Weak, columns, 9, values).unwrap();
         let windows = WindowRows {

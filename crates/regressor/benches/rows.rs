@@ -66,7 +66,8 @@ fn rows(c: &mut Criterion) {
     slow.bench_function("leave each out", |b| b.iter(|| leave_one_out(&factors, |_, rest| rest.values()[0])));
     slow.finish();
     // 600,000 rows, the same number as `tests/peers/bench_triangle.py` uses for numpy
-    let columns = Columns { parameters: (1..128).map(|i| format!("p{i}")).collect(), effects: Vec::new() };
+    let columns =
+        Columns { parameters: (1..128).map(|i| format!("p{i}")).collect(), effects: Vec::new(), of_tables: Vec::new() };
     let tall = Mat::from_fn(600_000, 128, |i, j| (((i * 128 + j) as f64 * 12.9898).sin() * 43_758.545_3).fract());
     let mut reduction = c.benchmark_group("600000 x 128 rows to a triangle");
     reduction.sample_size(10);

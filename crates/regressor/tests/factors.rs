@@ -12,6 +12,7 @@ fn columns(p: usize, k: usize) -> Columns {
     Columns {
         parameters: (0..p).map(|i| format!("p{i}")).collect(),
         effects: (0..k).map(|i| format!("e{i}")).collect(),
+        of_tables: Vec::new(),
     }
 }
 

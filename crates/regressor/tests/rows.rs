@@ -164,6 +164,7 @@ fn an_effect_that_changes_the_inertia_is_a_change_of_parameters() {
         names: vec!["driver".into(), "load".into()],
         wrench: d.wrench.iter().map(|w| DMatrix::from_fn(6, 2, |i, j| if j == 0 { w[i] } else { 0.0 })).collect(),
         inertia: vec![None, Some(load.clone())],
+        ..EffectColumns::none()
     };
     let acting = Acting { measured: None, effects: Some(&effects) };
     let stretch = Stretch::flight("driven", 0, 10, 590);

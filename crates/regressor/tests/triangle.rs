@@ -9,7 +9,8 @@ use rand_chacha::ChaCha8Rng;
 
 fn reduce(rows: &Mat<f64>) -> Mat<f64> {
     let n = rows.ncols();
-    let columns = Columns { parameters: (1..n).map(|i| format!("p{i}")).collect(), effects: Vec::new() };
+    let columns =
+        Columns { parameters: (1..n).map(|i| format!("p{i}")).collect(), effects: Vec::new(), of_tables: Vec::new() };
     let stretch = Stretch::flight("t", 0, 0, rows.nrows());
     let dense = Factor::from_rows(&stretch, RowKind::Weak, columns, rows.as_ref()).unwrap().dense();
     Mat::from_fn(dense.nrows(), n, |i, j| dense[(i, j)])
