@@ -84,8 +84,8 @@ fn recordings_that_repeat_another_one_are_named_and_not_judged() {
     let _ = call("discover", 0);
 }
 
-/// Cameras that were processed again, or noise on the markers, leave no marker sample in common; the
-/// force plates still tell that it is the same jump.
+/// Cameras that were processed again, or noise on the markers, leave no marker sample in common;
+/// the force plates still tell that it is the same jump.
 #[test]
 fn a_copy_with_other_markers_is_known_by_its_plates() {
     let dir = folder();

@@ -511,7 +511,7 @@ fn noise_that_moves_parameters_is_said() {
     let ws = dir.path().join("ws").display().to_string();
     let words = [&repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &ws];
     let (said, _) = expect(&[&["run"], &words[..]].concat(), 0);
-    assert!(said.contains("gate passed") && said.contains("reduce the noise of the markers"), "{said}");
+    assert!(said.contains("gate passed") && said.contains("check the markers (noise, labels"), "{said}");
     let assessed = json(&[&["parameters"], &words[..], &["--assess", "--json"]].concat());
     let weak = &assessed["assessment"]["errors_in_variables"][0];
     assert!(weak["biased"].as_u64().unwrap() > 3, "{weak}");
@@ -520,5 +520,5 @@ fn noise_that_moves_parameters_is_said() {
     let data = lab("fixtures/scenarios/chain_small.yaml", other.path()).display().to_string();
     let quiet = dir.path().join("quiet").display().to_string();
     let words = ["run", &repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &quiet];
-    assert!(!expect(&words, 0).0.contains("reduce the noise"));
+    assert!(!expect(&words, 0).0.contains("check the markers"));
 }

@@ -66,8 +66,8 @@ impl HeldOutError {
     }
 
     /// The judgement in words, as every surface prints it: `at the floor`, `fair`, `poor`. An error
-    /// that is poor only because of what it rests on says so; so does one that a perfect model would
-    /// hardly reach.
+    /// that is poor only because of what it rests on says so; so does one that a perfect model
+    /// would hardly reach.
     pub fn judged(&self) -> &'static str {
         if self.signal == Signal::Good && self.noise_floor_ci95.is_some_and(|ci| self.held_out_error < ci[0]) {
             return "below the floor";

@@ -143,7 +143,7 @@ pub struct NoiseFloor {
     /// In every group of the breakdown.
     #[serde(default)]
     pub groups: Vec<GroupFloor>,
-    /// The draws in flight, trial by trial.
+    /// The draws in flight, trial by trial: in `noise_floor.json` of the stage only.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub flight_draws: Vec<FlightDraws>,
 }

@@ -57,8 +57,8 @@ impl HeldOutResult {
         self.noise_floor > 0.0 && self.noise_floor_ci95.is_some_and(|ci| error_n <= ci[1])
     }
 
-    /// True if the error is below what a perfect model leaves in 97.5 of 100 sets of recordings like
-    /// these: recordings that repeat each other, or a floor that is too high.
+    /// True if the error is below what a perfect model leaves in 97.5 of 100 sets of recordings
+    /// like these: recordings that repeat each other, or a floor that is too high.
     pub(crate) fn is_below(&self) -> bool {
         self.noise_floor_ci95.is_some_and(|ci| self.held_out_error < ci[0])
     }
@@ -94,7 +94,8 @@ impl HeldOutResult {
     }
 
     /// True if the error exceeds 1.5 times the floor, the upper end of the floor's interval, and
-    /// what the errors of the parameters account for: too much for a body of which nothing is missing (0.7 to 1.3 times the floor in simulations).
+    /// what the errors of the parameters account for: too much for a body of which nothing is
+    /// missing (0.7 to 1.3 times the floor in simulations).
     pub(crate) fn is_above(&self) -> bool {
         let most = self.most(f64::INFINITY).max(FAIR_TIMES_FLOOR * self.noise_floor);
         self.noise_floor > 0.0 && self.held_out_error > most

@@ -241,8 +241,8 @@ impl Problem {
     }
 
     /// Held-out sum of squares where the rows' measured side is noise alone, by block, and the
-    /// parameters are fitted to the noise of the other clusters: `e_g − A_g M_g⁻¹ Σ_{h≠g} A_hᵀ e_h`.
-    /// Rows are multiplied by `scale` before they are squared.
+    /// parameters are fitted to the noise of the other clusters:
+    /// `e_g − A_g M_g⁻¹ Σ_{h≠g} A_hᵀ e_h`. Rows are multiplied by `scale` before they are squared.
     pub fn refitted(&self, noise: &[DVector<f64>], scale: impl Fn(usize) -> f64) -> f64 {
         let gathered = |c: &Cluster| {
             let rows: Vec<f64> = c.blocks.iter().flat_map(|&i| noise[i].iter().copied()).collect();
@@ -251,12 +251,12 @@ impl Problem {
         let errors: Vec<DVector<f64>> = self.clusters.iter().map(gathered).collect();
         let slopes: Vec<DVector<f64>> = self.clusters.iter().zip(&errors).map(|(c, e)| c.a.tr_mul(e)).collect();
         let all = slopes.iter().fold(DVector::zeros(self.right.len()), |s, x| s + x);
-        let parts = self.clusters.iter().zip(&self.folds).zip(errors.iter().zip(&slopes));
-        let of_part = |((c, fold), (e, own)): ((&Cluster, &Fold), (&DVector<f64>, &DVector<f64>))| -> f64 {
+        let mut sum = 0.0;
+        for (((c, fold), e), own) in self.clusters.iter().zip(&self.folds).zip(&errors).zip(&slopes) {
             let test = e - &c.a * fold.cholesky.solve(&(&all - own));
-            c.judged.iter().map(|&row| (scale(row) * test[row]).powi(2)).sum()
-        };
-        parts.map(of_part).sum()
+            sum += c.judged.iter().map(|&row| (scale(row) * test[row]).powi(2)).sum::<f64>();
+        }
+        sum
     }
 
     /// Mean of the held-out sum of squares that a prior adds which is wrong by its own covariance:

@@ -303,8 +303,8 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
     out
 }
 
-/// What to record where so few flights or trials count as evidence that no effect could be named, or
-/// only a large one; none where there are many.
+/// What to record where so few flights or trials count as evidence that no effect could be named,
+/// or only a large one; none where there are many.
 fn record_more(d: &Discovery) -> Option<String> {
     let place = &d.rounds.first()?.judged_on;
     let of = |place: &str| d.rounds.iter().filter(|r| r.judged_on == place).map(|r| r.clusters).min();

@@ -176,7 +176,9 @@ fn wrong(fault: &Fault, seed: u64, with_plate: bool) -> Option<String> {
         expected.push((Cause::VerticalForce, fault.support, 0.1));
     }
     if fault.true_gravity_mps2 != fault.stated_gravity_mps2 {
-        expected.push((Cause::Gravity, fault.true_gravity_mps2, 0.001));
+        // a value near the gravity of a place where bodies are tested is taken for that one
+        let of_a_place = [1.62, 3.71].contains(&fault.true_gravity_mps2);
+        expected.push((Cause::Gravity, fault.true_gravity_mps2, if of_a_place { 0.001 } else { 0.006 }));
     }
     if leans {
         expected.push((Cause::Vertical, fault.tilt_deg, 0.15));

@@ -33,8 +33,8 @@ pub fn sample_sketch(markers: &Markers) -> Vec<u64> {
 
 /// Sketch of the forces of the plates of a recording, as [`sample_sketch`] of its markers: the
 /// smallest hashes of all runs of successive forces on a loaded plate. Only runs without any force
-/// that repeats count: a plate that is unloaded, clipped or loaded by a constant, or whose converter
-/// resolves no change, shows runs that another recording has as well.
+/// that repeats count: a plate that is unloaded, clipped or loaded by a constant, or whose
+/// converter resolves no change, shows runs that another recording has as well.
 pub fn plate_sketch(plates: &[Plate]) -> Vec<u64> {
     let mut all = Vec::new();
     for plate in plates {
@@ -182,7 +182,8 @@ mod tests {
 
     #[test]
     fn a_plate_that_shows_no_motion_has_no_samples() {
-        // unloaded; constant load; noise below the steps of the converter; clipped where it is loaded
+        // unloaded; constant load; noise below the steps of the converter; clipped where it is
+        // loaded
         let clipped = plate(1, 0.15, |t| if t % 2000 < 1000 { 0.0 } else { 9000.0 });
         let limit = |f: &Vector3<f64>| Vector3::new(0.0, 0.0, f.z.clamp(0.0, 5000.0));
         let clipped = Plate { force_n: clipped.force_n.iter().map(limit).collect(), ..clipped };
