@@ -1,7 +1,7 @@
 //! No stale, damaged or incomplete data is shown as a result: tested for every setting, every file
 //! and every moment of a change.
 
-use crate::support::{expect, folder, json, lab, repo};
+use crate::support::{expect, folder, json, lab, repo, unwrapped};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
@@ -521,4 +521,26 @@ fn noise_that_moves_parameters_is_said() {
     let quiet = dir.path().join("quiet").display().to_string();
     let words = ["run", &repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &quiet];
     assert!(!expect(&words, 0).0.contains("check the markers"));
+}
+
+/// Markers that fit by centimetres leave a floor under which any error is small: nothing is judged,
+/// and every command says what comes first.
+#[test]
+fn nothing_is_judged_where_markers_do_not_fit() {
+    let dir = folder();
+    let scenario = dir.path().join("loose.yaml");
+    let body = "body: {kind: human, person: {sex: F, height_m: 1.7, mass_kg: 64}, protocol: {jumps: 4, exercises: 1, exercise_s: 3.0}}";
+    fs::write(&scenario, format!("name: loose\nseed: 5\n{body}\ncapture: {{soft_tissue_m: 0.03}}\n")).unwrap();
+    let data = dir.path().join("lab").display().to_string();
+    expect(&["simulate", scenario.to_str().unwrap(), "--out", &data], 0);
+    let ws = dir.path().join("ws").display().to_string();
+    let words = [&repo("pipelines/human.yaml"), "--data", &data, "--workspace", &ws];
+    let (said, _) = expect(&[&["run"], &words[..]].concat(), 0);
+    let first = "check the markers first (labels, static trial, units, placement)";
+    assert!(unwrapped(said.as_bytes()).contains(first) && !said.contains("at the floor"), "{said}");
+    let compared = json(&[&["compare"], &words[..], &["--json"]].concat());
+    assert_eq!((&compared["to_correct"]["void"], &compared["errors"][0]["signal"]), (&true.into(), &"poor".into()));
+    let found = json(&[&["discover"], &words[..], &["--closed", "--json"]].concat());
+    assert_eq!(found["verdict"], "not_detectable", "{}", found["words"]);
+    assert!(found["words"].as_str().unwrap().contains(first), "{}", found["words"]);
 }

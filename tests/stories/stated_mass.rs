@@ -78,7 +78,7 @@ fn a_mass_that_the_plates_contradict_comes_first() {
     let (shown, _) = expect(&["compare", &path, "--workspace", &ws], 0);
     for e in view["errors"].as_array().unwrap() {
         let row = shown.lines().find(|l| l.starts_with(&format!("in {}", e["judged_on"].as_str().unwrap()))).unwrap();
-        assert_eq!(row.contains("poor: wrong mass"), e["times_floor"].as_f64().unwrap() < 3.0, "{shown}");
+        assert_eq!(row.contains("poor: correct first"), e["times_floor"].as_f64().unwrap() < 3.0, "{shown}");
     }
     // with the true mass the same recordings say nothing of the kind, though a tether pulls
     let right = dir.path().join("right.yaml");

@@ -372,7 +372,9 @@ fn found(
         doubt(&mut found, &wrong.words);
         found.advice.insert(0, wrong.words);
     }
-    if let Some(words) = errors.iter().find(|e| e.judged_on == "flight").and_then(wide_floor) {
+    if found.verdict == Verdict::NothingMissing
+        && let Some(words) = errors.iter().find(|e| e.judged_on == "flight").and_then(wide_floor)
+    {
         doubt(&mut found, &words);
     }
     // the ranking's own estimate is relative and from other folds; state what the ladder will show
@@ -410,9 +412,10 @@ fn found(
     Ok(DiscoveryView { discovery: answer.answer, errors, errors_after: answer.errors_after })
 }
 
-/// An answer that nothing is missing does not stand beside what contradicts it.
+/// An answer that nothing is missing does not stand beside what contradicts it, and what contradicts
+/// it is the first reason why nothing can be said.
 fn doubt(found: &mut Discovery, why: &str) {
-    if found.verdict == Verdict::NothingMissing {
+    if matches!(found.verdict, Verdict::NothingMissing | Verdict::NotDetectable) {
         found.verdict = Verdict::NotDetectable;
         found.words = format!("not detectable: {why}");
     }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 /// Judgement of an error near its floor that is not trusted: the plates weigh the body at another
 /// mass than the stated one, and every error in newtons scales with the mass.
-const DISTRUSTED: &str = "poor: wrong mass";
+const DISTRUSTED: &str = "poor: correct first";
 
 /// Held-out error over weak windows of one kind of motion, beside the noise floor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -132,7 +132,7 @@ mod tests {
         };
         assert_eq!(error.judged(), "at the floor");
         error.distrust();
-        assert_eq!(error.judged(), "poor: wrong mass");
+        assert_eq!(error.judged(), "poor: correct first");
         error.times_floor = Some(96.0);
         assert_eq!(error.judged(), "poor");
     }

@@ -72,19 +72,12 @@ fn markers(comparison: &Comparison, rows: &[KinematicsRow], weight_n: f64) -> Op
     let mut rms: Vec<(f64, &str)> = rows.iter().filter_map(|r| Some((r.marker_rms_mm?, r.trial.as_str()))).collect();
     rms.sort_by(|a, b| a.0.total_cmp(&b.0));
     let fit = match (rms.first(), rms.last()) {
-        (Some((low, _)), Some((high, trial))) if *high > 3.0 * low => {
-            format!(
-                "they fit the model with errors of {} mm (root mean square), in {trial} {} mm",
-                significant(*low, 2),
-                significant(*high, 2)
-            )
-        }
-        (Some((low, _)), Some((high, _))) => {
-            format!(
-                "they fit the model with errors of {} to {} mm (root mean square)",
-                significant(*low, 2),
-                significant(*high, 2)
-            )
+        (Some((least, _)), Some((most, trial))) => {
+            let [low, high] = [least, most].map(|mm| significant(*mm, 2));
+            let range = if low == high { format!("{low} mm") } else { format!("{low} to {high} mm") };
+            let errors = format!("they fit the model with errors of {range} (root mean square)");
+            // one recording that stands out is named
+            if *most > 3.0 * least { format!("{errors}, the largest in {trial}") } else { errors }
         }
         _ => "they do not fit the model".to_owned(),
     };

@@ -12,7 +12,9 @@ const Studio = (() => {
   const prose = (text) => text.split("`").map((part, i) => (i % 2 ? make("code", {}, part) : part.replace(/\^2/g, "²")));
   const two = (v) => (v >= 100 ? v.toFixed(0) : v.toPrecision(2));
   const times = (v) => (v === null || v === undefined ? "" : two(v) + " × floor");
-  // the words of the commands (`Signal::in_words`)
+  // error, and its ratio to the floor where there is one
+  const size = (e) => [`${number(e.held_out_error)} N`, times(e.times_floor)].filter(Boolean).join(", ");
+  // the words of the commands (`HeldOutError::judged`)
   const below = (e) => e.signal === "good" && e.noise_floor_ci95 && e.held_out_error < e.noise_floor_ci95[0];
   const judged = (e) => (e.signal === "unknown" ? "not judged" : below(e) ? "below the floor" : e.at_floor && e.signal === "good" ? "at the floor" : e.at_floor && e.signal === "fair" ? "at the floor, from tables" : e.signal);
   const same = (a, b) => a.length === b.length && a.every((k) => b.includes(k));
@@ -64,10 +66,10 @@ const Studio = (() => {
     bar("band").hidden = !e.noise_floor_ci95;
     if (e.noise_floor_ci95) { bar("band").style.left = part(e.noise_floor_ci95[0]); bar("band").style.width = part(e.noise_floor_ci95[1] - e.noise_floor_ci95[0]); }
     at("which").replaceChildren(...prose(which));
-    const other = errors.filter((x) => x !== e).map((x) => `in ${x.judged_on}: ${number(x.held_out_error)} N, ${times(x.times_floor)}`);
+    const other = errors.filter((x) => x !== e).map((x) => `in ${x.judged_on}: ${size(x)}`);
     const gone = which.startsWith("quick") ? present().filter((x) => !errors.some((y) => y.judged_on === x.judged_on)) : [];
     other.push(...gone.map((x) => `in ${x.judged_on}: ${S.source.later}`));
-    if (preview() && before) other.unshift(`the present model: ${number(before.held_out_error)} N, ${times(before.times_floor)}`);
+    if (preview() && before) other.unshift(`the present model: ${size(before)}`);
     at("other").replaceChildren(...prose(other.join(" · ")));
     at("live").textContent = `${which.replaceAll("`", "")}: ${number(e.held_out_error)} newtons, ${times(e.times_floor)}, ${judged(e)}`;
     hears.forEach((hear) => hear());
