@@ -412,8 +412,8 @@ fn found(
     Ok(DiscoveryView { discovery: answer.answer, errors, errors_after: answer.errors_after })
 }
 
-/// An answer that nothing is missing does not stand beside what contradicts it, and what contradicts
-/// it is the first reason why nothing can be said.
+/// An answer that nothing is missing does not stand beside what contradicts it, and what
+/// contradicts it is the first reason why nothing can be said.
 fn doubt(found: &mut Discovery, why: &str) {
     if matches!(found.verdict, Verdict::NothingMissing | Verdict::NotDetectable) {
         found.verdict = Verdict::NotDetectable;

@@ -31,6 +31,9 @@ const LEANS_DEG: [f64; 2] = [20.0, 5.0];
 const PLATES_TIMES: f64 = 5.0;
 const PLATES_OF_WEIGHT: f64 = 0.08;
 
+/// Most recordings that a sentence names.
+const NAMED: usize = 4;
+
 /// What to correct first.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ToCorrect {
@@ -59,7 +62,8 @@ pub(crate) fn to_correct(
     markers(comparison, rows, weight_n)
         .or_else(|| of_falls(&falls(session, ws)))
         .or_else(wrong_mass)
-        .or_else(|| plates(&comparison.first.trials, weight_n))
+        // a wrong mass or a gain of all plates makes such an error everywhere, and is said as such
+        .or_else(|| plates(&comparison.first.trials, weight_n).filter(|_| impulse.is_none_or(|m| m.doubt.is_none())))
 }
 
 /// Marker errors that alone leave a large share of the weight.
@@ -168,7 +172,10 @@ fn plates(trials: &[TrialComparison], weight_n: f64) -> Option<ToCorrect> {
         })
         .collect();
     let largest = odd.iter().map(|o| o.1).fold(0.0, f64::max);
-    let names: Vec<&str> = odd.iter().map(|o| o.0).collect();
+    let mut names: Vec<String> = odd.iter().take(NAMED).map(|o| o.0.to_owned()).collect();
+    if odd.len() > NAMED {
+        names.push(format!("{} more", odd.len() - NAMED));
+    }
     (!odd.is_empty()).then(|| ToCorrect {
         words: format!(
             "check the force plates in {}: in contact the force is off by up to {} N, {:.0} % of the weight, while flights fit: plates of another \
