@@ -530,7 +530,7 @@ fn nothing_is_judged_where_markers_do_not_fit() {
     let dir = folder();
     let scenario = dir.path().join("loose.yaml");
     let body = "body: {kind: human, person: {sex: F, height_m: 1.7, mass_kg: 64}, protocol: {jumps: 4, exercises: 1, exercise_s: 3.0}}";
-    fs::write(&scenario, format!("name: loose\nseed: 5\n{body}\ncapture: {{soft_tissue_m: 0.03}}\n")).unwrap();
+    fs::write(&scenario, format!("name: loose\nseed: 5\n{body}\ncapture: {{soft_tissue_m: 0.05}}\n")).unwrap();
     let data = dir.path().join("lab").display().to_string();
     expect(&["simulate", scenario.to_str().unwrap(), "--out", &data], 0);
     let ws = dir.path().join("ws").display().to_string();

@@ -369,6 +369,10 @@ fn found(
     }
     let named = matches!(found.verdict, Verdict::Supported | Verdict::OneOf);
     if let Some(wrong) = to_correct.filter(|c| c.void || !named) {
+        // errors that cannot be judged leave nothing unexplained, either
+        if wrong.void && found.verdict == Verdict::Unexplained {
+            found.verdict = Verdict::NotDetectable;
+        }
         doubt(&mut found, &wrong.words);
         found.advice.insert(0, wrong.words);
     }

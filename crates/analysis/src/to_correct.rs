@@ -14,8 +14,9 @@ use aloft_workspace::json::read_json;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 
-/// Floor in flight, as a share of the weight, above which nothing is judged. Real sessions in the
-/// data folder stand at 3 to 10 %, labels exchanged in all recordings at 36 to 56 %.
+/// Lower end of the floor's interval in flight, as a share of the weight, above which nothing is
+/// judged. Floors of real sessions in the data folder stand at 3 to 10 %, those of labels exchanged
+/// in all recordings at 36 to 56 %; the limit was set between them.
 const FLOOR_OF_WEIGHT: f64 = 0.15;
 /// Deviation of free fall from the stated gravity that effects of the catalogue may cause, as a
 /// share; a greater one is corrected before effects are looked for.
@@ -68,11 +69,13 @@ pub(crate) fn to_correct(
 
 /// Marker errors that alone leave a large share of the weight.
 fn markers(comparison: &Comparison, rows: &[KinematicsRow], weight_n: f64) -> Option<ToCorrect> {
-    let floor_n = comparison.against_floor.iter().find(|a| a.judged_on == "flight")?.floor?.noise_floor;
-    let share = floor_n / weight_n;
-    if share.is_nan() || share <= FLOOR_OF_WEIGHT {
+    let floor = comparison.against_floor.iter().find(|a| a.judged_on == "flight")?.floor?;
+    // a floor that is hardly known may be far lower: its least counts
+    let least_n = floor.ci95.map_or(floor.noise_floor, |ci| ci[0]);
+    if least_n.is_nan() || least_n <= FLOOR_OF_WEIGHT * weight_n {
         return None;
     }
+    let (floor_n, share) = (floor.noise_floor, floor.noise_floor / weight_n);
     let mut rms: Vec<(f64, &str)> = rows.iter().filter_map(|r| Some((r.marker_rms_mm?, r.trial.as_str()))).collect();
     rms.sort_by(|a, b| a.0.total_cmp(&b.0));
     let fit = match (rms.first(), rms.last()) {
@@ -147,7 +150,7 @@ fn of_falls(falls: &[Fall]) -> Option<ToCorrect> {
     }
     let names: Vec<String> = odd.iter().map(|f| format!("{} ({} times)", f.trial, significant(f.ratio, 3))).collect();
     let words = format!(
-        "correct or exclude {}: the centre of mass falls there with another part of the stated gravity than in the other recordings ({}): \
+        "correct or exclude {}: the centre of mass does not fall there as in the other recordings ({} times the stated gravity): \
          another frame rate or unit",
         names.join(", "),
         significant(ratio, 3)

@@ -132,7 +132,7 @@ fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
 pub(crate) fn below(model_error: &HeldOutResult) -> String {
     let [low, high] = model_error.noise_floor_ci95.unwrap_or([f64::NAN; 2]).map(|n| digits(n, 3));
     format!(
-        "not detectable: the held-out error of {} N is below the interval of the noise floor ({low} to {high} N), so recordings repeat each other          or the floor is too high, and nothing can be named",
+        "not detectable: the held-out error of {} N is below the interval of the noise floor ({low} to {high} N), so recordings repeat each other or the floor is too high: nothing can be named",
         digits(model_error.held_out_error, 3)
     )
 }
