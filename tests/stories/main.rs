@@ -24,6 +24,7 @@ mod one_stage_again;
 mod osim;
 mod own_effect;
 mod part_of_a_body;
+mod plates_of_others;
 mod ready_made;
 mod report;
 mod right_results;

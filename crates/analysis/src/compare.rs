@@ -9,6 +9,7 @@ use aloft_compare::{Comparison, ModelComparison};
 use aloft_identify::{Determination, Origin, Parameters, Sigma};
 use aloft_ik::CalibrationReport;
 use aloft_pipeline::results::parameters_file;
+use aloft_pipeline::stages::compare::is_of_earlier_method;
 use aloft_pipeline::stages::identify::NOTHING_IDENTIFIED;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
@@ -48,23 +49,19 @@ pub struct ComparisonView {
     pub to_correct: Option<ToCorrect>,
 }
 
-/// How the comparison begins its sentence on the rows of the earlier method.
-const EARLIER_METHOD: &str = "For comparison, `acceleration rows`";
-
 impl ComparisonView {
     /// The sentences of the comparison. That on the earlier method stands in the details only: its
     /// error is of no use to judge this model, and without bound where few flights determine it.
     pub fn sentences(&self, details: bool) -> Vec<String> {
-        let mut out = Vec::new();
-        for words in &self.comparison.words {
-            let earlier = words.starts_with(EARLIER_METHOD);
-            if earlier && details {
-                let stem = words.trim_end_matches('.');
+        let mut out = self.comparison.words.clone();
+        for other in &self.comparison.words_beside {
+            if !is_of_earlier_method(&other.model) {
+                out.push(other.words.clone());
+            } else if details {
+                let stem = other.words.trim_end_matches('.');
                 out.push(format!(
                     "{stem} (the earlier method: parameters from accelerations frame by frame, without tables; it may fail with few flights)."
                 ));
-            } else if !earlier {
-                out.push(words.clone());
             }
         }
         out

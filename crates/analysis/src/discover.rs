@@ -3,6 +3,7 @@
 
 use crate::compare::compare;
 use crate::contradiction::contradicted;
+use crate::drawn_errors::{contact_rows, drawn};
 use crate::held_out::HeldOutError;
 use crate::joint_laws::joint_laws;
 use crate::promise::promised;
@@ -11,15 +12,14 @@ use crate::results::with_results;
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
 use aloft_discover::{
-    Body, DiscoverOptions, Discovery, FlightDraws, Found, FoundLaw, HeldOutResult, SelfTest, SelfTestOptions,
-    SelfTestProgress, Session, TrialInput, Verdict, discover as rank, scene_of,
+    Body, ContactRows, DiscoverOptions, Discovery, Found, FoundLaw, HeldOutResult, SelfTest, SelfTestOptions,
+    SelfTestProgress, Session, TrialDraws, TrialInput, Verdict, discover as rank, scene_of,
 };
 use aloft_effects::{Effect, EffectInstance, PlateSeries};
 use aloft_flight::FlightReport;
 use aloft_identify::{LinkPrior, Prior};
 use aloft_pipeline::graph::results_hash;
 use aloft_pipeline::stages::below_weak_rows;
-use aloft_pipeline::stages::compare::{NOISE_FLOOR_FILE, StoredFloor};
 use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::WeakOptions;
 use aloft_study::calendar::Calendar;
@@ -195,10 +195,17 @@ impl Evidence {
         let accepted = accepted.into_iter().filter(|c| !c.effect.acts().in_joints()).collect();
         let prepared =
             prepared.with_model_error(standing(session, "flight"), standing(session, "contact")).with_progress(told);
-        let draws = flight_draws(session);
-        let borrowed: Vec<FlightDraws<'_>> =
-            draws.iter().map(|d| FlightDraws { trial: &d.trial, centres: &d.centres, errors: &d.errors }).collect();
-        let prepared = prepared.with_draws(&borrowed);
+        let draws = drawn(session);
+        let contact = match standing(session, "contact") {
+            Some(e) if e.is_above() => contact_rows(session, &draws)?,
+            _ => Vec::new(),
+        };
+        let borrowed: Vec<TrialDraws<'_>> = draws
+            .iter()
+            .map(|d| TrialDraws { trial: &d.trial, centres: &d.centres, in_flight: &d.in_flight, errors: &d.errors })
+            .collect();
+        let rows: Vec<ContactRows<'_>> = contact.iter().map(|(trial, rows)| ContactRows { trial, rows }).collect();
+        let prepared = prepared.with_draws(&borrowed, &rows);
         with(&RankingInputs { session: prepared, effects: known.all(), accepted })
     }
 }
@@ -246,12 +253,6 @@ fn standing(session: &SubjectSession, place: &str) -> Option<HeldOutResult> {
         noise_floor_ci95: floor.ci95,
         by_parameters: None,
     })
-}
-
-/// Draws of the noise floor in flight; none without a comparison.
-fn flight_draws(session: &SubjectSession) -> Vec<aloft_compare::FlightDraws> {
-    let folder = Workspace::open(&session.workspace).place("compare", WHOLE_STUDY);
-    read_json::<StoredFloor>(&folder.join(NOISE_FLOOR_FILE)).map(|s| s.floor.flight_draws).unwrap_or_default()
 }
 
 /// A held-out error as the ranking takes it; none without a floor.

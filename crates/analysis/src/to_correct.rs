@@ -6,6 +6,7 @@
 
 use crate::impulse_mass::ImpulseMassView;
 use crate::kinematics::KinematicsRow;
+use crate::plates_follow::plates_follow;
 use aloft_compare::{Comparison, TrialComparison, significant};
 use aloft_flight::FlightReport;
 use aloft_signal::median;
@@ -62,6 +63,7 @@ pub(crate) fn to_correct(
     };
     markers(comparison, rows, weight_n)
         .or_else(|| of_falls(&falls(session, ws)))
+        .or_else(|| plates_follow(ws, &comparison.first.trials, &comparison.first.model))
         .or_else(wrong_mass)
         // a wrong mass or a gain of all plates makes such an error everywhere, and is said as such
         .or_else(|| plates(&comparison.first.trials, weight_n).filter(|_| impulse.is_none_or(|m| m.doubt.is_none())))

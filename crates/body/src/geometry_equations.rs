@@ -88,6 +88,18 @@ impl GeometryEquations {
     /// Ends the present frame: subtracts the Schur complement of its posture. `posture_gradient` is
     /// `Jᵀ_q W r` (length nv); `None` for a settled posture, where it is zero.
     pub fn eliminate_posture(&mut self, factor: &impl PostureFactor, posture_gradient: Option<&mut [f64]>) {
+        self.eliminate_posture_with(factor, posture_gradient, &mut []);
+    }
+
+    /// As [`eliminate_posture`](Self::eliminate_posture), with further gradients over the same
+    /// frames: pairs of `Jᵀ_q W e` (nv, lost) and the sum of `Jᵀ_γ W e` (n), less the posture's
+    /// share at the end.
+    pub fn eliminate_posture_with(
+        &mut self,
+        factor: &impl PostureFactor,
+        posture_gradient: Option<&mut [f64]>,
+        further: &mut [(DVector<f64>, &mut DVector<f64>)],
+    ) {
         for mut column in self.cross.column_iter_mut() {
             factor.half_solve(column.as_mut_slice());
         }
@@ -96,6 +108,15 @@ impl GeometryEquations {
             for (c, x) in half.iter().enumerate() {
                 let share = x * factor.inverse_pivot(c);
                 for (g, cross) in self.gradient.iter_mut().zip(self.cross.row(c).iter()) {
+                    *g -= share * cross;
+                }
+            }
+        }
+        for (half, gradient) in further {
+            factor.half_solve(half.as_mut_slice());
+            for (c, x) in half.iter().enumerate() {
+                let share = x * factor.inverse_pivot(c);
+                for (g, cross) in gradient.iter_mut().zip(self.cross.row(c).iter()) {
                     *g -= share * cross;
                 }
             }

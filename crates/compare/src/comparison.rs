@@ -1,19 +1,21 @@
 //! Comparison of models with measurements over all trials.
 
 use crate::breakdown::{Counting, Grouping};
-use crate::errors::{Sums, WrenchSums};
+use crate::errors::{Sums, WrenchSums, halves};
+use crate::follows::correlation_in_time;
 use crate::frames::{TrialFrames, trial_frames};
 use crate::input::TrialFacts;
 use crate::noise_floor::{TrialFloor, explainable, trial_floor};
 use crate::segments::SegmentSums;
 use crate::windows::{TrialWindows, trial_windows};
-use crate::wording::{describe, worst_places};
+use crate::wording::{describe, describe_beside, worst_places};
 use crate::{
     Body, Candidate, CompareError, CompareOptions, FlightErrors, Floor, Group, NoiseFloor, RecordingOffset,
     SegmentShare, Smooth, TrialInput, TrialSeries, WindowErrors, WrenchErrors,
 };
 use aloft_regressor::limits::{at_floor, times_floor};
 use aloft_signal::LowPass;
+use nalgebra::Vector6;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -79,6 +81,10 @@ pub struct TrialComparison {
     pub contact_weak_as_measured: WindowErrors,
     /// Weak windows in flight.
     pub flight_weak: WindowErrors,
+    /// Correlation in time of the sizes of predicted and measured force in contact; none where the
+    /// force hardly changes.
+    #[serde(default)]
+    pub plates_correlation: Option<f64>,
 }
 
 /// The whole comparison: the first model in full, then the others.
@@ -105,6 +111,18 @@ pub struct Comparison {
     pub worst: Vec<WorstPlace>,
     /// Where the first model has its largest errors, in words.
     pub words: Vec<String>,
+    /// The other models' errors in words.
+    #[serde(default)]
+    pub words_beside: Vec<BesideWords>,
+}
+
+/// The error of another model in words.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BesideWords {
+    /// Name of the model.
+    pub model: String,
+    /// One sentence.
+    pub words: String,
 }
 
 /// A trial, flight, phase or part of a flight whose error stands out.
@@ -347,13 +365,16 @@ pub fn compare_each<T, E: From<CompareError> + Send>(
     let beside: Vec<ModelComparison> = models.collect();
     let against_floor = AgainstFloor::both(&first, noise_floor.as_ref());
     let worst = worst_places(&first);
-    let words = describe(&first, &beside, noise_floor.as_ref(), &against_floor);
+    let words = describe(&first, noise_floor.as_ref(), &against_floor);
+    let words_beside = describe_beside(&beside, &against_floor);
     let axes = if first.held_out.frames > 0 {
         axis_rows(&first.held_out, noise_floor.as_ref().map(|f| &f.contact))
     } else {
         axis_rows(&first.flight_wrench, noise_floor.as_ref().map(|f| &f.flight))
     };
-    let comparison = Comparison { first, beside, axes, against_floor, noise_floor, options: *options, worst, words };
+    let options = *options;
+    let comparison =
+        Comparison { first, beside, axes, against_floor, noise_floor, options, worst, words, words_beside };
     let with_windows = |(frames, windows): (TrialFrames, TrialWindows)| TrialSeries {
         windows: windows.windows.into_iter().map(|w| w.into_sample(&frames.series.time_s)).collect(),
         ..frames.series
@@ -372,6 +393,15 @@ fn check_body(body: &Body<'_>) -> Result<(), CompareError> {
     };
     length("link parameters that the base parameters regroup", 10 * links, body.base.from_full.ncols())?;
     length("links of the prior", links, body.prior.len())
+}
+
+/// Correlation in time of one model's force with that of the plates, over the frames in contact.
+fn plates_correlation(series: &TrialSeries, c: usize) -> Option<f64> {
+    let contact = |f: &usize| series.phase[*f].is_some_and(|p| p.is_contact());
+    let sizes = |wrenches: &[Vector6<f64>]| -> Vec<f64> {
+        (0..series.phase.len()).filter(contact).map(|f| halves(&wrenches[f]).0.norm()).collect()
+    };
+    correlation_in_time(&sizes(&series.predicted[c]), &sizes(&series.measured))
 }
 
 fn model_comparison(
@@ -423,6 +453,7 @@ fn model_comparison(
             flight_weak: windows.flight[c].windows(),
             contact_as_measured: frames.contact_as_measured[c].errors(),
             contact_weak_as_measured: windows.contact_as_measured[c].windows(),
+            plates_correlation: plates_correlation(&frames.series, c),
         });
     }
     let flight_wrench = flight.errors();

@@ -88,6 +88,12 @@ pub trait PoseErrors: std::fmt::Debug + Sync {
     /// coordinates are filled. The same `seed` and `draw` give the same instrument errors in every
     /// trial of a subject.
     fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion;
+
+    /// The motion as other geometries of the body would show it that the recordings allow, one
+    /// model with its coordinates for each draw; none where the geometry is known.
+    fn with_geometry(&self, _motion: &Motion, _wanted: &dyn Fn(usize) -> bool) -> Vec<(Model, Motion)> {
+        Vec::new()
+    }
 }
 
 /// One trial.

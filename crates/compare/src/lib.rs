@@ -33,6 +33,7 @@ mod comparison;
 mod drift;
 mod error;
 mod errors;
+mod follows;
 mod frames;
 mod input;
 mod judgement;
@@ -48,17 +49,18 @@ mod wording;
 pub use aloft_regressor::{FAIR_TIMES_FLOOR, FLOOR_KNOWN_WITHIN, POOR_TIMES_FLOOR};
 pub use breakdown::{Group, GroupFloor, GroupedBy};
 pub use comparison::{
-    AgainstFloor, AxisRow, Comparison, Filtering, ModelComparison, Noise, TrialComparison, WorstPlace, compare,
-    compare_each,
+    AgainstFloor, AxisRow, BesideWords, Comparison, Filtering, ModelComparison, Noise, TrialComparison, WorstPlace,
+    compare, compare_each,
 };
 pub use drift::{PlateDrift, TareReadings};
 pub use error::CompareError;
 pub use errors::{AxisErrors, AxisResidual, FlightErrors, WindowErrors, WrenchErrors};
+pub use follows::correlation_in_time;
 pub use frames::{TrialSeries, WindowSample};
 pub use input::{Body, Candidate, CompareOptions, PoseErrors, TrialInput};
 pub use judgement::{Signal, floor_in_words, significant};
 pub use measured::{Measured, measured_wrench};
-pub use noise_floor::{FlightDraws, Floor, NoiseFloor, Smooth, noise_root};
+pub use noise_floor::{Floor, NoiseFloor, Smooth, TrialDraws, noise_root};
 pub use offset::{OffsetRange, RecordingOffset};
 pub use phase::Phase;
 pub use segments::SegmentShare;

@@ -95,31 +95,39 @@ impl Floor {
     }
 }
 
-/// Draws of the errors that a perfect model would leave in the flight windows of one trial.
+/// Draws of the errors in the windows of one trial that a model with the true parameters would
+/// leave in the geometry of the calibration: errors of the markers and plates, and of that geometry.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct FlightDraws {
+pub struct TrialDraws {
     /// Name of the trial.
     pub trial: String,
     /// Middle frame of each window.
     pub centres: Vec<usize>,
+    /// True for windows in flight.
+    pub in_flight: Vec<bool>,
     /// For each draw the errors of the windows in their order, six numbers each: force (N) and
     /// moment (N·m), world axes.
     pub errors: Vec<Vec<f32>>,
 }
 
-impl FlightDraws {
+impl TrialDraws {
     fn of(trial: &str, part: &TrialFloor) -> Self {
-        let mut out = Self { trial: trial.to_owned(), centres: Vec::new(), errors: Vec::new() };
-        for w in part.windows.iter().filter(|w| !w.contact) {
-            if w.draw == 0 {
-                out.centres.push(w.centre);
+        let first: Vec<&FloorWindow> = part.windows.iter().filter(|w| w.draw == 0).collect();
+        let mut errors: Vec<Vec<f32>> = Vec::new();
+        for w in &part.windows {
+            if errors.len() <= w.draw {
+                errors.resize(w.draw + 1, Vec::new());
             }
-            if out.errors.len() <= w.draw {
-                out.errors.resize(w.draw + 1, Vec::new());
-            }
-            out.errors[w.draw].extend(w.error.iter().map(|x| *x as f32));
+            let geometry = part.geometry.get(w.draw).and_then(|g| g.get(errors[w.draw].len() / 6));
+            let error = w.error + geometry.copied().unwrap_or_else(Vector6::zeros);
+            errors[w.draw].extend(error.iter().map(|x| *x as f32));
         }
-        out
+        Self {
+            trial: trial.to_owned(),
+            centres: first.iter().map(|w| w.centre).collect(),
+            in_flight: first.iter().map(|w| !w.contact).collect(),
+            errors,
+        }
     }
 }
 
@@ -143,9 +151,10 @@ pub struct NoiseFloor {
     /// In every group of the breakdown.
     #[serde(default)]
     pub groups: Vec<GroupFloor>,
-    /// The draws in flight, trial by trial: in `noise_floor.json` of the stage only.
+    /// The draws, trial by trial, errors of the geometry included: in `noise_floor.json` of the
+    /// stage only.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub flight_draws: Vec<FlightDraws>,
+    pub draws: Vec<TrialDraws>,
 }
 
 /// Share of a mean square not explained by the floor.
@@ -178,6 +187,8 @@ pub type Smooth<'a> = &'a (dyn Fn(&Motion) -> Option<Motion> + Sync);
 pub(crate) struct TrialFloor {
     frames: Vec<FloorFrame>,
     windows: Vec<FloorWindow>,
+    /// For each draw of the geometry its errors in the windows, in their order.
+    geometry: Vec<Vec<Vector6<f64>>>,
 }
 
 #[derive(Debug, Clone)]
@@ -240,7 +251,7 @@ impl NoiseFloor {
             contact_floor: Floor::of(&contact_weak),
             flight_floor: Floor::of(&flight_weak),
             groups: groups.floors(grouping),
-            flight_draws: trials.iter().zip(parts).map(|(facts, part)| FlightDraws::of(&facts.name, part)).collect(),
+            draws: trials.iter().zip(parts).map(|(facts, part)| TrialDraws::of(&facts.name, part)).collect(),
         };
         (floor.contact.frames + floor.flight.frames > 0).then_some(floor)
     }
@@ -306,7 +317,10 @@ pub(crate) fn trial_floor(
     }
     let phi = links(body, candidate, index);
     let runs = runs(input, clean, options);
-    let clean_windows = windows(body, &phi, clean, &runs, None, options)?;
+    // moments are about a path near the centre of mass, which errors of the markers move: the force
+    // of the plates has to act beside it
+    let measured = input.measured.map_or_else(|| vec![Vector6::zeros(); clean.n_frames()], |m| m.unfiltered.clone());
+    let clean_windows = windows(body, &phi, clean, &runs, &measured, options)?;
     let Some(base_line) = smooth(clean) else { return Ok(out) };
     let calm = calm_frames(body, candidate, index, input, &base_line, options);
     let wanted = |f: usize| runs.iter().any(|(_, run)| run.contains(&f));
@@ -320,14 +334,25 @@ pub(crate) fn trial_floor(
             (None, None) => return Ok(out),
         };
         let plates = plate_noise(input, clean, &mut rng);
-        let noisy_windows = windows(body, &phi, &noisy, &runs, plates.as_deref(), options)?;
-        add_windows(&mut out, draw, &clean_windows, &noisy_windows, sought(input));
+        let read: Vec<Vector6<f64>> = match &plates {
+            Some(noise) => measured.iter().zip(noise).map(|(w, n)| w + n).collect(),
+            None => measured.clone(),
+        };
+        let noisy_windows = windows(body, &phi, &noisy, &runs, &read, options)?;
+        let found = differences(&clean_windows, &noisy_windows, sought(input)).into_iter();
+        out.windows.extend(found.map(|d| FloorWindow { draw, centre: d.centre, contact: d.contact, error: d.error }));
         if !filtered_too {
             continue;
         }
         let Some(noisy) = smooth(&noisy) else { continue };
         let filtered_plates = plates.map(|p| low_passed(p, clean.rate_hz, filter));
-        add_frames(&mut out, body, candidate, index, &calm, &noisy, filtered_plates.as_deref());
+        let measured = input.measured.map(|m| m.filtered.as_slice());
+        add_frames(&mut out, body, candidate, index, &calm, &noisy, measured, filtered_plates.as_deref());
+    }
+    let others = input.errors.map(|e| e.with_geometry(clean, &wanted)).unwrap_or_default();
+    for (model, motion) in &others {
+        let other = windows(&Body { model, ..*body }, &phi, motion, &runs, &measured, options)?;
+        out.geometry.push(differences(&clean_windows, &other, sought(input)).into_iter().map(|d| d.error).collect());
     }
     Ok(out)
 }
@@ -422,38 +447,50 @@ fn calm_frames(
     frames.iter().zip(wrench.iter().flatten()).filter_map(calm).collect()
 }
 
+/// A wrench about the world origin, in the axes of the root and about its origin.
+fn in_root(wrench: &Vector6<f64>, root: &Isometry3<f64>) -> Vector6<f64> {
+    let (force, moment) = halves(wrench);
+    let about = joined(&force, &(moment - root.translation.vector.cross(&force)));
+    rotated(&about, &root.rotation.inverse())
+}
+
 fn add_frames(
     out: &mut TrialFloor,
     body: &Body<'_>,
     candidate: &Candidate,
     index: usize,
     calm: &[CalmFrame],
-    noisy: &Motion,
+    noisy_motion: &Motion,
+    measured: Option<&[Vector6<f64>]>,
     plates: Option<&[Vector6<f64>]>,
 ) {
-    let frames = moving(noisy, calm.iter().map(|c| c.frame));
-    let wrench = wrenches(body, noisy, &frames, &column(candidate, index));
+    let frames = moving(noisy_motion, calm.iter().map(|c| c.frame));
+    let wrench = wrenches(body, noisy_motion, &frames, &column(candidate, index));
+    let mut state = State::new(body.model);
     let mut calm = calm.iter();
     for (&f, noisy) in frames.iter().zip(wrench.iter().flatten()) {
         let Some(CalmFrame { place, pose, wrench, .. }) = calm.find(|c| c.frame == f) else { continue };
         let mut e = noisy - wrench;
         let contact = place.phase.is_contact();
-        if contact && let Some(plates) = plates {
-            // moments of the plates' noise about the root origin
-            let (force, moment) = halves(&plates[f]);
-            let about = joined(&force, &(moment - pose.translation.vector.cross(&force)));
-            let noise = rotated(&about, &pose.rotation.inverse());
-            if noise.iter().all(|x| x.is_finite()) {
-                e -= noise;
+        if contact && let Some(measured) = measured {
+            // the plates' wrench in the axes of the root, which errors of the markers move as well
+            state.forward_position(body.model, noisy_motion.q(f));
+            let noise = plates.map_or_else(Vector6::zeros, |p| p[f]);
+            let change = in_root(&(measured[f] + noise), &state.world_from_link[0]) - in_root(&measured[f], pose);
+            if change.iter().all(|x| x.is_finite()) {
+                e -= change;
             }
         }
         out.frames.push(FloorFrame { frame: f, contact, error: e, rotation: pose.rotation });
     }
 }
 
-/// Link parameters of the candidate: any set with its base parameters.
+/// Link parameters with the candidate's base parameters, near those of the prior: in another
+/// geometry, too, they are a body.
 fn links(body: &Body<'_>, candidate: &Candidate, index: usize) -> Vec<Phi> {
-    let full = &body.base.to_full * candidate.parameters(index);
+    let prior = DVector::from_iterator(10 * body.prior.len(), body.prior.iter().flat_map(|p| p.iter().copied()));
+    let change = candidate.parameters(index) - body.base.regroup(body.prior);
+    let full = prior + &body.base.to_full * change;
     full.as_slice().chunks_exact(10).map(Phi::from_column_slice).collect()
 }
 
@@ -471,11 +508,10 @@ fn windows(
     phi: &[Phi],
     motion: &Motion,
     runs: &[(bool, Range<usize>)],
-    plates: Option<&[Vector6<f64>]>,
+    measured: &[Vector6<f64>],
     options: &CompareOptions,
 ) -> Result<Vec<(bool, BodyWindows)>, CompareError> {
-    let silent = vec![Vector6::zeros(); motion.n_frames()];
-    let acting = Acting { measured: Some(plates.unwrap_or(&silent)), effects: None };
+    let acting = Acting { measured: Some(measured), effects: None };
     let mut out = Vec::with_capacity(runs.len());
     for (i, (flying, run)) in runs.iter().enumerate() {
         let Some((stretch, weak)) = windows_of(motion, i, run, *flying, options) else { continue };
@@ -488,15 +524,16 @@ fn windows(
     Ok(out)
 }
 
-/// Adds one draw; in contact whose offset is estimated, the constant wrench that fits the draw best
-/// is subtracted.
-fn add_windows(
-    out: &mut TrialFloor,
-    draw: usize,
-    plain: &[(bool, BodyWindows)],
-    noisy: &[(bool, BodyWindows)],
-    offset: bool,
-) {
+/// What a draw changes in one window.
+struct Difference {
+    contact: bool,
+    centre: usize,
+    error: Vector6<f64>,
+}
+
+/// What a draw changes in every window; in contact whose offset is estimated, the constant wrench
+/// that fits the draw best is subtracted.
+fn differences(plain: &[(bool, BodyWindows)], noisy: &[(bool, BodyWindows)], offset: bool) -> Vec<Difference> {
     let mut errors: Vec<(bool, usize, Vector3<f64>, Vector6<f64>)> = Vec::new();
     for ((flying, plain), (_, noisy)) in plain.iter().zip(noisy) {
         for ((a, b), (&centre, path)) in
@@ -511,15 +548,20 @@ fn add_windows(
     } else {
         None
     };
-    for (contact, centre, path, error) in errors {
-        let off = constant.filter(|_| contact).map_or_else(Vector6::zeros, |w| about(&w, &path));
-        out.windows.push(FloorWindow { draw, centre, contact, error: error - off });
-    }
+    errors
+        .into_iter()
+        .map(|(contact, centre, path, error)| {
+            let off = constant.filter(|_| contact).map_or_else(Vector6::zeros, |w| about(&w, &path));
+            Difference { contact, centre, error: error - off }
+        })
+        .collect()
 }
 
 /// Wrench about the world origin whose moments about the paths of the windows fit their errors
 /// best, moments over the lever that sizes use.
-fn constant_wrench<'a>(errors: impl Iterator<Item = (&'a Vector3<f64>, &'a Vector6<f64>)>) -> Option<Vector6<f64>> {
+pub(crate) fn constant_wrench<'a>(
+    errors: impl Iterator<Item = (&'a Vector3<f64>, &'a Vector6<f64>)>,
+) -> Option<Vector6<f64>> {
     let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
     let weight = Vector6::from_fn(|i, _| if i < 3 { 1.0 } else { MOMENT_LEVER_M.powi(-2) });
     for (path, e) in errors {

@@ -7,6 +7,7 @@
 
 use crate::errors::{Sums, halves, joined};
 use crate::frames::{WindowSample, complete};
+use crate::noise_floor::constant_wrench;
 use crate::phase::weak_stretches;
 use crate::{Body, Candidate, CompareError, CompareOptions, RecordingOffset, TrialInput};
 use aloft_body::Motion;
@@ -86,6 +87,32 @@ impl WindowRows {
             offset.as_ref().filter(|_| !self.in_flight[w]).map_or(e, |o| e + about(o, &self.path[w]))
         };
         (0..self.centre_s.len()).map(one).collect()
+    }
+}
+
+impl WindowRows {
+    /// Rows of the base parameters in the windows in contact: force (N) and moment (N·m), six rows
+    /// for each. In an untared recording, from which the constant wrench that fits best is
+    /// subtracted, each column without the constant that fits it best.
+    pub fn contact_columns(&self, parameters: usize, untared: bool) -> DMatrix<f64> {
+        let contact: Vec<usize> = (0..self.in_flight.len()).filter(|&w| !self.in_flight[w]).collect();
+        let mut out = DMatrix::zeros(6 * contact.len(), parameters);
+        for (i, &w) in contact.iter().enumerate() {
+            out.rows_mut(6 * i, 6).copy_from(&self.rows.view((6 * w, 0), (6, parameters)));
+        }
+        if untared {
+            let path: Vec<Vector3<f64>> = contact.iter().map(|&w| self.path[w]).collect();
+            for mut column in out.column_iter_mut() {
+                let own: Vec<Vector6<f64>> =
+                    (0..path.len()).map(|i| Vector6::from_fn(|axis, _| column[6 * i + axis])).collect();
+                let Some(constant) = constant_wrench(path.iter().zip(&own)) else { continue };
+                for (i, place) in path.iter().enumerate() {
+                    let off = about(&constant, place);
+                    (0..6).for_each(|axis| column[6 * i + axis] -= off[axis]);
+                }
+            }
+        }
+        out
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::RecordingOffset;
 use crate::breakdown::{Group, GroupedBy};
-use crate::comparison::{AgainstFloor, ModelComparison, WorstPlace};
+use crate::comparison::{AgainstFloor, BesideWords, ModelComparison, WorstPlace};
 use crate::judgement::significant;
 use crate::noise_floor::NoiseFloor;
 
@@ -66,17 +66,12 @@ pub fn growth(breakdown: &[Group], by: GroupedBy) -> Option<f64> {
     (groups().count() > 1 && first > 0.0).then_some(last / first)
 }
 
-/// Sentences on one model, the most useful first. `beside` are the other models, `against` the
-/// first model's errors in flight and in held-out contact.
+/// Sentences on one model, the most useful first. `against` are its errors in flight and in
+/// held-out contact.
 ///
 /// Every error is the held-out error over weak windows; single frames, whose error is mostly that
 /// of second derivatives, are used only where no window fits.
-pub(crate) fn describe(
-    model: &ModelComparison,
-    beside: &[ModelComparison],
-    floor: Option<&NoiseFloor>,
-    against: &[AgainstFloor],
-) -> Vec<String> {
+pub(crate) fn describe(model: &ModelComparison, floor: Option<&NoiseFloor>, against: &[AgainstFloor]) -> Vec<String> {
     let mut out = Vec::new();
     let contact = model.held_out.frames > 0;
     let (windows, frames) =
@@ -162,21 +157,22 @@ pub(crate) fn describe(
             100.0 * segment.inertia_share
         ));
     }
-    for other in beside {
+    out
+}
+
+/// Errors of the other models where the first is judged, a sentence for each.
+pub(crate) fn describe_beside(beside: &[ModelComparison], against: &[AgainstFloor]) -> Vec<BesideWords> {
+    let sentence = |other: &ModelComparison| {
         let of = |a: &AgainstFloor| {
             let errors = if a.judged_on == "contact" { &other.held_out_weak } else { &other.flight_weak };
             (errors.windows > 0).then(|| format!("{} N in {}", figures(errors.size()), a.judged_on))
         };
         let errors: Vec<String> = against.iter().filter_map(of).collect();
-        if !errors.is_empty() {
-            out.push(format!(
-                "For comparison, `{}`: {}.",
-                if other.model == "prior" { "tables" } else { &other.model },
-                errors.join(", ")
-            ));
-        }
-    }
-    out
+        let name = if other.model == "prior" { "tables" } else { &other.model };
+        let words = format!("For comparison, `{name}`: {}.", errors.join(", "));
+        (!errors.is_empty()).then(|| BesideWords { model: other.model.clone(), words })
+    };
+    beside.iter().filter_map(sentence).collect()
 }
 
 /// Offsets subtracted from recordings whose plates were never unloaded, and the error with them.

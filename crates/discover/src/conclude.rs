@@ -212,10 +212,9 @@ pub(crate) fn conclude(
     }
     // an error within the interval of a floor that is hardly known may hold anything
     let undecided = model_error.filter(|s| out.verdict == Verdict::NothingMissing && s.is_undecided());
-    // nor does one that may be of the parameters, which a few flights determine only roughly
-    let rough = left[0]
-        .or(left[1])
-        .filter(|after| out.verdict == Verdict::NothingMissing && undecided.is_none() && after.may_be_parameters());
+    // nor does one that may be of the parameters or the geometry, which are known only roughly
+    let nothing = out.verdict == Verdict::NothingMissing && undecided.is_none();
+    let rough = (0..2).find_map(|i| Some((places[i], left[i].filter(|after| nothing && after.may_be_parameters())?)));
     if undecided.is_some() || rough.is_some() {
         out.verdict = Verdict::NotDetectable;
     }
@@ -231,8 +230,8 @@ pub(crate) fn conclude(
     if let Some(s) = undecided {
         out.words = wording::undecided(&out, &s);
     }
-    if let Some(s) = rough {
-        out.words = wording::roughly_determined(&out, &s);
+    if let Some((place, s)) = rough {
+        out.words = wording::roughly_determined(&out, place, &s);
     }
     if let Some(open) = &out.open {
         out.words = wording::with_open(&out, open, far.is_some());

@@ -22,21 +22,10 @@ pub struct HeldOutResult {
     pub noise_floor: f64,
     /// 95 % interval of the floor, N.
     pub noise_floor_ci95: Option<[f64; 2]>,
-    /// Error up to which noise and the errors of parameters that are fitted to the other recordings
-    /// account for it (97.5 %), N; [`Session::with_draws`](crate::Session::with_draws) computes it.
+    /// Error up to which noise, the geometry that the markers leave open, and the errors of
+    /// parameters that are fitted to the other recordings account for it (97.5 %), N;
+    /// [`Session::with_draws`](crate::Session::with_draws) computes it.
     pub by_parameters: Option<f64>,
-}
-
-/// Draws of the errors that a perfect model would leave in the flight windows of one trial, from
-/// the noise of its markers.
-#[derive(Debug, Clone, Copy)]
-pub struct FlightDraws<'a> {
-    /// Name of the trial.
-    pub trial: &'a str,
-    /// Middle frame of each window.
-    pub centres: &'a [usize],
-    /// For each draw six numbers for each window: force (N) and moment (N·m), world axes.
-    pub errors: &'a [Vec<f32>],
 }
 
 impl HeldOutResult {
@@ -96,7 +85,7 @@ impl HeldOutResult {
     /// True if the error exceeds 1.5 times the floor, the upper end of the floor's interval, and
     /// what the errors of the parameters account for: too much for a body of which nothing is
     /// missing (0.7 to 1.3 times the floor in simulations).
-    pub(crate) fn is_above(&self) -> bool {
+    pub fn is_above(&self) -> bool {
         let most = self.most(f64::INFINITY).max(FAIR_TIMES_FLOOR * self.noise_floor);
         self.noise_floor > 0.0 && self.held_out_error > most
     }

@@ -60,6 +60,7 @@ mod by_stages;
 mod candidate;
 mod conclude;
 mod discover;
+mod drawn;
 mod error;
 mod exchange;
 mod floor;
@@ -93,8 +94,9 @@ mod wording;
 pub use addition::{addition, detectable, ladder};
 pub use by_stages::Compute;
 pub use discover::{catalogue, discover};
+pub use drawn::{ContactRows, TrialDraws};
 pub use error::DiscoverError;
-pub use held_out::{FlightDraws, HeldOutResult};
+pub use held_out::HeldOutResult;
 pub use joints::{JointCandidate, JointDiscovery, JointFinding, JointInput, JointSearch, discover_joints};
 pub use laws::{
     Action, Carrier, Diagnosis, Direction, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Variable, Work,

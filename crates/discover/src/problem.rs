@@ -36,7 +36,7 @@ pub(crate) struct Cluster {
 }
 
 pub(crate) struct Fold {
-    cholesky: Cholesky<f64, Dyn>,
+    pub cholesky: Cholesky<f64, Dyn>,
     /// Residual of the judged rows of the left-out cluster.
     pub test: DVector<f64>,
     pub error: f64,
@@ -48,11 +48,11 @@ pub(crate) struct Fold {
 pub(crate) struct Problem {
     pub domain: Domain,
     pub clusters: Vec<Cluster>,
-    cholesky: Cholesky<f64, Dyn>,
+    pub cholesky: Cholesky<f64, Dyn>,
     /// Squares added to the diagonal of the Gram matrix: the prior's rows.
-    ridge: DVector<f64>,
+    pub ridge: DVector<f64>,
     solution: DVector<f64>,
-    right: DVector<f64>,
+    pub right: DVector<f64>,
     pub folds: Vec<Fold>,
     /// Sum of squares at the fit to all rows, the prior's rows included.
     pub rss: f64,
@@ -238,38 +238,6 @@ impl Problem {
     /// Held-out mean square of the model without a candidate.
     pub fn plain(&self) -> f64 {
         self.folds.iter().map(|f| f.error).sum::<f64>() / self.n_judged as f64
-    }
-
-    /// Held-out sum of squares where the rows' measured side is noise alone, by block, and the
-    /// parameters are fitted to the noise of the other clusters:
-    /// `e_g − A_g M_g⁻¹ Σ_{h≠g} A_hᵀ e_h`. Rows are multiplied by `scale` before they are squared.
-    pub fn refitted(&self, noise: &[DVector<f64>], scale: impl Fn(usize) -> f64) -> f64 {
-        let gathered = |c: &Cluster| {
-            let rows: Vec<f64> = c.blocks.iter().flat_map(|&i| noise[i].iter().copied()).collect();
-            DVector::from_vec(rows)
-        };
-        let errors: Vec<DVector<f64>> = self.clusters.iter().map(gathered).collect();
-        let slopes: Vec<DVector<f64>> = self.clusters.iter().zip(&errors).map(|(c, e)| c.a.tr_mul(e)).collect();
-        let all = slopes.iter().fold(DVector::zeros(self.right.len()), |s, x| s + x);
-        let mut sum = 0.0;
-        for (((c, fold), e), own) in self.clusters.iter().zip(&self.folds).zip(&errors).zip(&slopes) {
-            let test = e - &c.a * fold.cholesky.solve(&(&all - own));
-            sum += c.judged.iter().map(|&row| (scale(row) * test[row]).powi(2)).sum::<f64>();
-        }
-        sum
-    }
-
-    /// Mean of the held-out sum of squares that a prior adds which is wrong by its own covariance:
-    /// `‖A_g M_g⁻¹ w‖²` over the clusters, with w the weights of the prior's rows.
-    pub fn prior_error(&self, scale: impl Fn(usize) -> f64 + Sync) -> f64 {
-        let parts = self.clusters.par_iter().zip(&self.folds).map(|(c, fold)| -> f64 {
-            let to_rows = fold.cholesky.solve(&c.a.transpose());
-            let of_row = |row: usize| -> f64 {
-                to_rows.column(row).iter().zip(&self.ridge).map(|(x, w)| (scale(row) * x * w).powi(2)).sum()
-            };
-            c.judged.iter().map(|&row| of_row(row)).sum()
-        });
-        parts.collect::<Vec<f64>>().iter().sum()
     }
 
     /// The same rows with `delta` added to the measured side of every cluster.
@@ -555,7 +523,7 @@ fn symmetric(m: DMatrix<f64>) -> DMatrix<f64> {
 
 /// Mean of the base parameters other than the mass and a root of their covariance, conditional on
 /// the mass; without a prior, column norms.
-fn given_mass(session: &Session<'_>, p: usize) -> Result<(DVector<f64>, DMatrix<f64>), DiscoverError> {
+pub(crate) fn given_mass(session: &Session<'_>, p: usize) -> Result<(DVector<f64>, DMatrix<f64>), DiscoverError> {
     let Some(prior) = &session.prior else {
         let norms = DVector::from_fn(p - 1, |j, _| {
             let norm = session.blocks.iter().map(|b| b.y.column(j + 1).norm_squared()).sum::<f64>().sqrt();

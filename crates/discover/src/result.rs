@@ -289,9 +289,9 @@ pub struct Discovery {
     /// 95 % interval of the floor, N: the range of the error of a perfect model.
     #[serde(default)]
     pub noise_floor_ci95: Option<[f64; 2]>,
-    /// Error up to which noise and the errors of the parameters, fitted to the other recordings,
-    /// account for it (97.5 %), N. Far above the floor where few flights determine the body only
-    /// roughly.
+    /// Error up to which noise, the geometry that the markers leave open and the errors of the
+    /// parameters, fitted to the other recordings, account for it (97.5 %), N. Far above the floor
+    /// where few flights determine the body only roughly.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub error_by_parameters: Option<f64>,
     /// Held-out error of the present model, N, as reported by the comparison: force, and moment

@@ -7,7 +7,7 @@
 
 use crate::DiscoverError;
 use crate::by_stages::{ByStages, Compute};
-use crate::held_out::{FlightDraws, HeldOutResult};
+use crate::held_out::HeldOutResult;
 use crate::problem::{Domain, Problem};
 use crate::progress::Counter;
 use aloft_body::{BaseParameters, Model, Motion, Phi};
@@ -67,13 +67,13 @@ pub(crate) struct Block {
     pub w: DVector<f64>,
     /// Number of rows before reduction (a factor keeps fewer).
     pub n_rows: usize,
-    windows: Windows,
+    pub windows: Windows,
 }
 
 #[derive(Debug, Clone)]
-struct Windows {
-    half: usize,
-    centres: Vec<usize>,
+pub(crate) struct Windows {
+    pub half: usize,
+    pub centres: Vec<usize>,
     psi: Vec<f64>,
     origin: Vec<Vec<Origin>>,
     force_weight: f64,
@@ -242,68 +242,6 @@ impl<'a> Session<'a> {
     pub fn with_model_error(mut self, flight: Option<HeldOutResult>, contact: Option<HeldOutResult>) -> Self {
         self.model_error = [flight, contact];
         self
-    }
-
-    /// Takes draws of the errors that a perfect model would leave in flight, and computes from them
-    /// up to which error noise and the errors of the parameters account for the held-out error of
-    /// flights ([`HeldOutResult::by_parameters`]): the parameters are fitted to the errors of the
-    /// other recordings, and the prior is wrong by its own covariance. The result is the geometric
-    /// mean over the draws and the upper end of the prediction interval for one more. Needs
-    /// [`with_model_error`](Self::with_model_error) before; trials without draws change nothing.
-    #[must_use]
-    pub fn with_draws(mut self, draws: &[FlightDraws<'_>]) -> Self {
-        let by_parameters = self.by_parameters(draws);
-        if let Some(result) = &mut self.model_error[0] {
-            result.by_parameters = by_parameters;
-        }
-        self
-    }
-
-    fn by_parameters(&self, draws: &[FlightDraws<'_>]) -> Option<f64> {
-        /// A recording is predicted from the others, as in the comparison.
-        const FEWEST_TRIALS: usize = 2;
-        /// Lever of the moments in the size of an error, m.
-        const LEVER_M: f64 = 0.1;
-        let variance = (self.model_error[0]?.noise_floor / self.unit[0]).powi(2);
-        let problem = Problem::with_variance(self, Domain::Flight, &[], FEWEST_TRIALS, 1.0, Some(variance)).ok()?;
-        let n = draws.iter().filter(|d| !d.centres.is_empty()).map(|d| d.errors.len()).min()?;
-        // rows to newtons, moments over the lever
-        let newtons = |row: usize| if Block::is_force(row) { self.unit[0] } else { self.unit[1] / LEVER_M };
-        let windows = problem.n_judged as f64 / 6.0;
-        let prior = problem.prior_error(newtons);
-        let logs: Vec<f64> = (0..n)
-            .map(|k| {
-                let rows: Option<Vec<DVector<f64>>> =
-                    self.blocks.iter().map(|block| self.drawn_rows(block, draws, k)).collect();
-                let squares = problem.refitted(&rows?, newtons);
-                Some(0.5 * ((squares + prior) / windows).ln())
-            })
-            .collect::<Option<_>>()?;
-        let (mean, deviation) = aloft_signal::mean_and_deviation(&logs)?;
-        let reach = aloft_identify::interval::t975(n as f64 - 1.0) * deviation * (1.0 + 1.0 / n as f64).sqrt();
-        Some((mean + reach).exp()).filter(|error| error.is_finite())
-    }
-
-    /// Errors of one draw in the rows of a block; none where a window has no draw. Rows of contact
-    /// are zero.
-    fn drawn_rows(&self, block: &Block, draws: &[FlightDraws<'_>], draw: usize) -> Option<DVector<f64>> {
-        let mut rows = DVector::zeros(block.y.nrows());
-        if block.kind == StretchKind::Contact {
-            return Some(rows);
-        }
-        let own = draws.iter().find(|d| d.trial == self.trials[block.trial])?;
-        for (w, centre) in block.windows.centres.iter().enumerate() {
-            // windows of the comparison may lie a little beside those of the rows
-            let (at, beside) = own.centres.iter().map(|c| c.abs_diff(*centre)).enumerate().min_by_key(|(_, d)| *d)?;
-            if 2 * beside > block.windows.half {
-                return None;
-            }
-            for axis in 0..6 {
-                let error = f64::from(*own.errors[draw].get(6 * at + axis)?);
-                rows[6 * w + axis] = error / if axis < 3 { self.unit[0] } else { self.unit[1] };
-            }
-        }
-        Some(rows)
     }
 
     /// Computes the error with the effects found by `compute` (flight, contact) instead of

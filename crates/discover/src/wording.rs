@@ -149,15 +149,17 @@ pub(crate) fn undecided(d: &Discovery, model_error: &HeldOutResult) -> String {
     )
 }
 
-/// The result where no effect convinces, and the errors of the parameters may be the reason of the
-/// error.
-pub(crate) fn roughly_determined(d: &Discovery, model_error: &HeldOutResult) -> String {
-    let best = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
+/// The result where no effect convinces, and the errors of the parameters or of the geometry may be
+/// the reason of the error.
+pub(crate) fn roughly_determined(d: &Discovery, place: Domain, model_error: &HeldOutResult) -> String {
+    let place = domain(place);
+    let here = |c: &&Candidate| !c.placebo && c.judged_on == place;
+    let best = d.candidates.iter().find(here).map_or(String::new(), |c| {
         format!("; the best candidate, `{}`, leaves {:.1} % of the held-out error", c.key, 100.0 * c.held_out_ratio)
     });
     format!(
-        "not detectable: these flights determine the body only roughly, which alone can leave up to {} N on a held-out recording; the error is \
-         {} N, {} times the noise floor{best}",
+        "not detectable: these recordings determine the body only roughly, which alone can leave up to {} N in {place} of a held-out recording; \
+         the error there is {} N, {} times the noise floor{best}",
         digits(model_error.by_parameters.unwrap_or(f64::NAN), 2),
         digits(model_error.held_out_error, 2),
         digits(model_error.times_floor(), 2)

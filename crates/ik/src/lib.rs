@@ -26,12 +26,12 @@ mod start;
 mod tree;
 
 pub use calibrate::{
-    CalibrateOptions, Calibration, CalibrationReport, Clip, JointChange, MarkerChange, TrialFit, calibrate,
-    calibrate_clips, shares,
+    CalibrateOptions, Calibration, CalibrationReport, Clip, GeometryError, JointChange, MarkerChange, TrialFit,
+    calibrate, calibrate_clips, shares,
 };
 pub use error::IkError;
 pub use labels::{LabelExchange, exchange_labels, label_exchanges};
-pub use marker_errors::MarkerErrors;
+pub use marker_errors::{ERROR_SEED, MarkerErrors};
 pub use options::IkOptions;
 pub use ranges::{BeyondRange, JointRange};
 pub use report::{IkReport, MarkerFit};

@@ -31,18 +31,25 @@
 //!
 //! Not included: a movement common to all markers of a link, because the fit follows it and leaves
 //! no residual.
+//!
+//! **Geometry.** A calibration leaves joint centres, hinge axes and marker places uncertain. Another
+//! geometry γ of the same subject shows the same markers by other poses,
+//! `δq = G (p(q; γ₀) − p(q; γ))`, which [`MarkerErrors::with_geometry`] computes for draws of γ.
 
 use crate::frame::Solver;
 use crate::problem::Problem;
 use crate::solve::match_markers;
-use crate::tree::{NONE, Pose};
+use crate::tree::{NONE, Pose, Tree};
 use crate::{IkError, IkOptions};
 use aloft_body::{Motion, Subject};
 use aloft_trial::Trial;
-use nalgebra::{DMatrix, DVector, Rotation3, Unit, Vector3, Vector4};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Unit, Vector3, Vector4};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+
+/// Seed under which a comparison and a calibration draw the same errors of the markers.
+pub const ERROR_SEED: u64 = 1;
 
 /// Lag of the second difference by which errors are measured, s: a window of 0.3 s, in which ψ̈
 /// changes sign twice, is most sensitive to 1/(2 lag) = 6.7 Hz.
@@ -51,7 +58,7 @@ const LAG_S: f64 = 0.075;
 const SAMPLES: usize = 8;
 /// Minimum fraction of a marker's error that must remain in its residual for its time course to be
 /// used.
-const SPEAKS: f64 = 0.25;
+pub(crate) const SPEAKS: f64 = 0.25;
 /// Weight of the mean of all markers in the variance of one, in numbers of residuals (a marker has
 /// three at most).
 const PRIOR_WEIGHT: f64 = 0.5;
@@ -130,22 +137,11 @@ impl MarkerErrors {
     /// a subject.
     pub fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
         let tree = &self.problem.tree;
-        let mut out = Motion {
-            trial: motion.trial.clone(),
-            rate_hz: motion.rate_hz,
-            nq: motion.nq,
-            nv: motion.nv,
-            q: motion.q.clone(),
-            ..Motion::default()
-        };
+        let mut out = coordinates_of(motion);
         // Time course of each marker: index of the residual, scale and rotation.
-        let turned: Vec<Option<(usize, nalgebra::Matrix3<f64>)>> = (0..self.seen.len())
+        let turned: Vec<Option<(usize, Matrix3<f64>)>> = (0..self.seen.len())
             .map(|m| {
-                let mut rng = ChaCha8Rng::seed_from_u64(seed);
-                rng.set_stream((draw << 20) | self.stream[m]);
-                let turn = random_rotation(&mut rng);
-                let among = &self.donors[m];
-                let donor = *among.get(rng.random_range(0..among.len().max(1)))?;
+                let (donor, turn) = turned_donor(seed, draw, self.stream[m], &self.donors[m])?;
                 Some((donor, turn * (self.size[m] / self.seen[donor]).sqrt()))
             })
             .collect();
@@ -164,6 +160,67 @@ impl MarkerErrors {
         }
         out
     }
+
+    /// The motion as other geometries of the same subject would show it, one for each of `others`
+    /// ([`GeometryError::applied`](crate::GeometryError::applied)): the poses that keep the markers
+    /// where they are, to first order, in the frames for which `wanted` holds.
+    pub fn with_geometry(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, others: &[Subject]) -> Vec<Motion> {
+        let tree = &self.problem.tree;
+        let mut out: Vec<Motion> = others.iter().map(|_| coordinates_of(motion)).collect();
+        let trees: Vec<Tree> = others.iter().map(|s| Tree::new(&s.model)).collect();
+        let mut pose = tree.pose();
+        let mut response = Response::new(&self.problem);
+        let mut step = vec![0.0; tree.nv];
+        for f in 0..motion.n_frames() {
+            if !motion.is_valid(f) || !wanted(f) || !response.at(motion.q(f)) {
+                continue;
+            }
+            for ((other, its_tree), out) in others.iter().zip(&trees).zip(&mut out) {
+                its_tree.forward(motion.q(f), &mut pose);
+                let here = response.pose();
+                // how far the other geometry misses each marker, in the axes of its link
+                let missed: Vec<Vector3<f64>> = self
+                    .problem
+                    .markers
+                    .iter()
+                    .zip(&self.stream)
+                    .map(|(m, &index)| {
+                        let place = here.origin[m.link] + here.rotation[m.link] * m.position;
+                        let its = other.markers.get(index as usize).map_or(m.position, |o| o.position_m);
+                        let seen = pose.origin[m.link] + pose.rotation[m.link] * its;
+                        here.rotation[m.link].transpose() * (place - seen)
+                    })
+                    .collect();
+                response.step(&|m| missed[m], &mut step);
+                if step.iter().all(|x| x.is_finite()) {
+                    tree.retract(motion.q(f), &step, &mut out.q[f * motion.nq..(f + 1) * motion.nq]);
+                }
+            }
+        }
+        out
+    }
+}
+
+/// The coordinates of a motion alone.
+fn coordinates_of(motion: &Motion) -> Motion {
+    Motion {
+        trial: motion.trial.clone(),
+        rate_hz: motion.rate_hz,
+        nq: motion.nq,
+        nv: motion.nv,
+        q: motion.q.clone(),
+        ..Motion::default()
+    }
+}
+
+/// The marker whose time course a draw gives to a marker, of those that may, and a random rotation;
+/// none if no marker may. `stream` is the marker's index in the subject.
+pub(crate) fn turned_donor(seed: u64, draw: u64, stream: u64, among: &[usize]) -> Option<(usize, Matrix3<f64>)> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream((draw << 20) | stream);
+    let turn = random_rotation(&mut rng);
+    let donor = *among.get(rng.random_range(0..among.len().max(1)))?;
+    Some((donor, turn))
 }
 
 /// Linear interpolation across missing samples; constant before the first and after the last one.
@@ -194,7 +251,7 @@ fn mean_square(series: &[Vector3<f64>], lag: usize) -> f64 {
 
 /// B: squared norms of the blocks of P = I − J H⁻¹ Jᵀ W, mean over some of the solved frames,
 /// markers × markers.
-fn kept_shares(problem: &Problem, motion: &Motion, solved: &[usize]) -> DMatrix<f64> {
+pub(crate) fn kept_shares(problem: &Problem, motion: &Motion, solved: &[usize]) -> DMatrix<f64> {
     let n = problem.markers.len();
     let mut out = DMatrix::zeros(n, n);
     let mut response = Response::new(problem);
@@ -231,7 +288,7 @@ fn kept_shares(problem: &Problem, motion: &Motion, solved: &[usize]) -> DMatrix<
 }
 
 /// Mean squares of the errors (three axes) from those of the residuals.
-fn sizes(kept: &DMatrix<f64>, seen: &[f64]) -> Vec<f64> {
+pub(crate) fn sizes(kept: &DMatrix<f64>, seen: &[f64]) -> Vec<f64> {
     let n = seen.len();
     let mean = seen.iter().sum::<f64>() / kept.sum().max(f64::MIN_POSITIVE);
     let seen = DVector::from_column_slice(seen);
@@ -250,7 +307,7 @@ fn sizes(kept: &DMatrix<f64>, seen: &[f64]) -> Vec<f64> {
 
 /// Markers whose residual may represent the error of marker `m`: its own if it carries enough
 /// information, otherwise those on the nearest links.
-fn donors(problem: &Problem, m: usize, speaks: &[bool]) -> Vec<usize> {
+pub(crate) fn donors(problem: &Problem, m: usize, speaks: &[bool]) -> Vec<usize> {
     if speaks[m] {
         return vec![m];
     }
@@ -276,7 +333,7 @@ fn donors(problem: &Problem, m: usize, speaks: &[bool]) -> Vec<usize> {
 }
 
 /// Uniform over all rotations (a uniform unit quaternion).
-fn random_rotation(rng: &mut ChaCha8Rng) -> nalgebra::Matrix3<f64> {
+fn random_rotation(rng: &mut ChaCha8Rng) -> Matrix3<f64> {
     let v = Vector4::from_fn(|_, _| StandardNormal.sample(rng));
     let q = Unit::new_normalize(nalgebra::Quaternion::from(v));
     Rotation3::from(q).into_inner()

@@ -5,7 +5,7 @@
 mod common;
 
 use aloft_body::{JointKind, State, Subject};
-use aloft_ik::{CalibrateOptions, calibrate};
+use aloft_ik::{CalibrateOptions, GeometryError, calibrate};
 use aloft_trial::Trial;
 use common::{chain, motion, person, trial};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
@@ -149,6 +149,89 @@ fn chain_hinge_is_found() {
     state.forward_position(&result.subject.model, &result.subject.static_q);
     let found = state.world_from_link[1].rotation * Vector3::z();
     assert!(found.angle(&axis) < 5e-3, "axis off by {} rad", found.angle(&axis));
+}
+
+/// Skin that moves over bone with the time course of the motion, in the axes of the link.
+fn with_skin(truth: &Subject, size_m: f64, seed: u64) -> Vec<Trial> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let normal = Normal::new(0.0, 1.0).unwrap();
+    let of_marker: Vec<[Vector3<f64>; 2]> = truth
+        .markers
+        .iter()
+        .map(|_| [0; 2].map(|_| Vector3::from_fn(|_, _| size_m * normal.sample(&mut rng))))
+        .collect();
+    let mut state = State::new(&truth.model);
+    (0..4)
+        .map(|i| {
+            let postures = motion(truth, 300, 100.0, 0.5, seed + 20 + i);
+            let mut made = trial(truth, &postures, 100.0, 3e-4, seed + 30 + i);
+            made.name = format!("made{i}");
+            for (f, q) in postures.iter().enumerate() {
+                state.forward_position(&truth.model, q);
+                let t = f as f64 / 100.0;
+                for ((marker, [a, b]), places) in
+                    truth.markers.iter().zip(&of_marker).zip(&mut made.markers.trajectories)
+                {
+                    let rotation = state.world_from_link[marker.link].rotation;
+                    places[f] += rotation * (a * (3.0 * t).sin() + b * (7.0 * t + f64::from(i as u32)).cos());
+                }
+            }
+            made
+        })
+        .collect()
+}
+
+#[test]
+fn drawn_errors_of_the_geometry_are_as_large_as_the_true_ones() {
+    let truth = person();
+    let options = CalibrateOptions { frames: 100, rounds: 2, ..CalibrateOptions::default() };
+    let (mut right, mut drawn) = (0.0, 0.0);
+    for seed in [100, 200, 300, 400] {
+        let wrong = spoil(&truth, 0.006, 0.03, seed);
+        let trials = with_skin(&truth, 0.002, seed);
+        let result = calibrate(&wrong, &trials.iter().collect::<Vec<_>>(), &options).unwrap();
+        right += error(&truth, &result.subject).powi(2) / 4.0;
+        assert_eq!(result.errors.len(), 8);
+        for draw in &result.errors {
+            let other = draw.applied(&result.subject).unwrap();
+            drawn += error(&result.subject, &other).powi(2) / 32.0;
+        }
+    }
+    let ratio = (right / drawn).sqrt();
+    assert!((0.6..1.6).contains(&ratio), "true {} m, drawn {} m", right.sqrt(), drawn.sqrt());
+}
+
+#[test]
+fn another_geometry_moves_joints_and_markers_by_its_error_and_keeps_the_posture() {
+    let subject = person();
+    let draws = GeometryError::of_landmarks(&subject, &CalibrateOptions::default()).unwrap();
+    let mut draw = draws[3].clone();
+    draw.marker_m.iter_mut().enumerate().for_each(|(m, e)| *e = Vector3::new(1e-3, -2e-3, 1e-4 * m as f64));
+    let other = draw.applied(&subject).unwrap();
+    let places = |s: &Subject| {
+        let mut state = State::new(&s.model);
+        state.forward_position(&s.model, &s.static_q);
+        let markers: Vec<_> = s.markers.iter().map(|m| state.point_in_world(m.link, &m.position_m)).collect();
+        (state.world_from_link, markers)
+    };
+    let ((links, markers), (moved, moved_markers)) = (places(&subject), places(&other));
+    for i in 0..links.len() {
+        let gap = moved[i].translation.vector - links[i].translation.vector - draw.centre_m[i];
+        assert!(gap.norm() < 1e-12, "{}: {gap}", subject.model.links[i].name);
+        assert!(moved[i].rotation.angle_to(&links[i].rotation) < 1e-12);
+        if let (JointKind::Revolute(a), JointKind::Revolute(b)) =
+            (subject.model.links[i].joint.kind, other.model.links[i].joint.kind)
+        {
+            let turned = moved[i].rotation * b.into_inner();
+            let expected = (links[i].rotation * a.into_inner() + draw.axis[i]).normalize();
+            assert!((turned - expected).norm() < 1e-12 && draw.axis[i].norm() > 1e-4);
+        }
+    }
+    for ((a, b), error) in markers.iter().zip(&moved_markers).zip(&draw.marker_m) {
+        assert!((b - a - error).norm() < 1e-12);
+    }
+    draw.centre_m.pop();
+    assert!(draw.applied(&subject).is_err());
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Joint estimation of geometry and postures.
 
 use super::CalibrateOptions;
+use super::geometry_error::GeometryError;
 use super::reference::Reference;
 use super::select::FrameId;
 use crate::IkError;
@@ -14,7 +15,7 @@ use rayon::prelude::*;
 
 /// Frames whose equations are summed in one block; fixed, so that sums do not depend on the number
 /// of threads.
-const PIECE: usize = 16;
+pub(super) const PIECE: usize = 16;
 
 /// Median length of a vector with three independent normal components of standard deviation 1.
 const MEDIAN_LENGTH: f64 = 1.538;
@@ -27,24 +28,24 @@ fn typical_deviation(lengths: &mut [f64]) -> f64 {
 
 /// One frame with its posture.
 #[derive(Debug, Clone)]
-struct Frame {
+pub(super) struct Frame {
     /// Measured positions of the problem's markers, m.
-    targets: Vec<Vector3<f64>>,
+    pub(super) targets: Vec<Vector3<f64>>,
     /// Posture, with hinge angles relative to the static posture.
-    q: Vec<f64>,
-    is_static: bool,
+    pub(super) q: Vec<f64>,
+    pub(super) is_static: bool,
 }
 
 /// Index of each unknown in the parameter vector.
 #[derive(Debug, Clone)]
-struct Layout {
+pub(super) struct Layout {
     /// Of each tracked marker.
-    marker: Vec<usize>,
+    pub(super) marker: Vec<usize>,
     /// Of each link's joint centre, `NONE` if it has none.
-    centre: Vec<usize>,
+    pub(super) centre: Vec<usize>,
     /// Of each hinge axis, `NONE` for other joints.
-    axis: Vec<usize>,
-    size: usize,
+    pub(super) axis: Vec<usize>,
+    pub(super) size: usize,
 }
 
 /// Posterior standard deviations.
@@ -60,24 +61,24 @@ pub(crate) struct Uncertainty {
 #[derive(Debug, Clone)]
 pub(crate) struct Bundle {
     /// Weights of a moving frame.
-    moving: Problem,
+    pub(super) moving: Problem,
     /// The same with the weights for the static posture.
     standing: Problem,
     /// Index of the subject's marker for each tracked one.
-    marker_of: Vec<usize>,
+    pub(super) marker_of: Vec<usize>,
     /// Geometry from landmarks: centre of the priors.
     landmarks: Reference,
-    present: Reference,
-    frames: Vec<Frame>,
-    layout: Layout,
+    pub(super) present: Reference,
+    pub(super) frames: Vec<Frame>,
+    pub(super) layout: Layout,
     /// Inverse variance of each unknown's prior.
-    precision: DVector<f64>,
+    pub(super) precision: DVector<f64>,
 }
 
 /// Posture of a frame at its minimum, with coordinates that are not free.
-struct Settled<'s, 'p> {
-    solver: &'s Solver<'p>,
-    locked: &'s [bool],
+pub(super) struct Settled<'s, 'p> {
+    pub(super) solver: &'s Solver<'p>,
+    pub(super) locked: &'s [bool],
 }
 
 impl PostureFactor for Settled<'_, '_> {
@@ -302,7 +303,7 @@ impl Bundle {
 
     /// Derivatives of a marker's position with respect to each geometry unknown and each posture
     /// coordinate.
-    fn columns_of(&self, k: usize, q: &[f64], solver: &Solver<'_>, scratch: &mut Scratch) {
+    pub(super) fn columns_of(&self, k: usize, q: &[f64], solver: &Solver<'_>, scratch: &mut Scratch) {
         let tree = &solver.problem.tree;
         let marker = &solver.problem.markers[k];
         let point = solver.residual[k] + solver.targets[k];
@@ -388,9 +389,9 @@ impl Bundle {
         0.5 * self.deviation().iter().zip(&self.precision).map(|(d, p)| p * d * d).sum::<f64>()
     }
 
-    /// The calibrated subject and the uncertainty of its geometry. `like` is the subject at the
-    /// start of this round.
-    pub fn finish(&self, like: &Subject) -> Result<(Subject, Uncertainty), IkError> {
+    /// The calibrated subject, the uncertainty of its geometry, and draws of its errors. `like` is
+    ///  the subject at the start of this round.
+    pub fn finish(&self, like: &Subject) -> Result<(Subject, Uncertainty, Vec<GeometryError>), IkError> {
         let (mut matrix, _) = self.sums().finish();
         for i in 0..self.layout.size {
             matrix[(i, i)] += self.precision[i];
@@ -399,6 +400,7 @@ impl Bundle {
             return Err(self.failure("the normal equations are not positive definite"));
         };
         let variance = factor.inverse().diagonal();
+        let errors = self.errors(like, &factor);
         let root_mean = |at: usize, n: usize| {
             if at == NONE { f64::NAN } else { ((at..at + n).map(|i| variance[i]).sum::<f64>() / n as f64).sqrt() }
         };
@@ -407,26 +409,26 @@ impl Bundle {
             axis_rad: self.layout.axis.iter().map(|&at| root_mean(at, 2)).collect(),
         };
         let subject = self.present.subject(like, &self.frames[0].q, &self.standing.tree)?;
-        Ok((subject, uncertainty))
+        Ok((subject, uncertainty, errors))
     }
 }
 
 /// Scratch memory for one block of frames.
-struct Scratch {
-    turned: Vec<Matrix3<f64>>,
-    columns: Vec<(usize, Vector3<f64>)>,
-    motions: Vec<(usize, Vector3<f64>)>,
+pub(super) struct Scratch {
+    pub(super) turned: Vec<Matrix3<f64>>,
+    pub(super) columns: Vec<(usize, Vector3<f64>)>,
+    pub(super) motions: Vec<(usize, Vector3<f64>)>,
 }
 
 impl Scratch {
-    fn new(bundle: &Bundle) -> Self {
+    pub(super) fn new(bundle: &Bundle) -> Self {
         let tree = &bundle.moving.tree;
         Self { turned: vec![Matrix3::identity(); tree.links.len()], columns: Vec::new(), motions: Vec::new() }
     }
 }
 
 /// Two unit vectors that complete a direction to a frame.
-fn perpendicular(u: &Vector3<f64>) -> [Vector3<f64>; 2] {
+pub(super) fn perpendicular(u: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let smallest = u.iamin();
     let mut e = Vector3::zeros();
     e[smallest] = 1.0;

@@ -20,12 +20,15 @@
 
 mod bundle;
 mod clip;
+mod drawn;
+mod geometry_error;
 mod options;
 mod reference;
 mod report;
 mod select;
 
 pub use clip::Clip;
+pub use geometry_error::GeometryError;
 pub use options::CalibrateOptions;
 pub use report::{CalibrationReport, JointChange, MarkerChange, TrialFit};
 pub use select::shares;
@@ -46,6 +49,8 @@ pub struct Calibration {
     pub subject: Subject,
     /// Changes of the geometry and of the fit.
     pub report: CalibrationReport,
+    /// Draws of what may be wrong with the geometry, from its posterior.
+    pub errors: Vec<GeometryError>,
 }
 
 /// Refines joint centres, hinge axes and marker coordinates of a subject from moving trials.
@@ -83,6 +88,7 @@ pub fn calibrate_clips(subject: &Subject, clips: &[Clip], options: &CalibrateOpt
     let start = Reference::of(subject)?;
     let mut present = subject.clone();
     let mut report = CalibrationReport::start(&chosen, &tracked);
+    let mut errors = Vec::new();
     for round in 0..options.rounds {
         let trials: Vec<&Trial> = tracked.iter().map(|t| &t.trial).collect();
         let motions: Vec<&Motion> = tracked.iter().map(|t| &t.result.motion).collect();
@@ -90,8 +96,8 @@ pub fn calibrate_clips(subject: &Subject, clips: &[Clip], options: &CalibrateOpt
         let reference = Reference::of(&present)?;
         let mut bundle = Bundle::new(&present, problem, &start, reference, &chosen.used, &trials, &motions, options);
         report.iterations += bundle.run(options)?;
-        let (calibrated, uncertainty) = bundle.finish(&present)?;
-        present = calibrated;
+        let (calibrated, uncertainty, drawn) = bundle.finish(&present)?;
+        (present, errors) = (calibrated, drawn);
         tracked.par_iter_mut().try_for_each(|t| t.track_again(&present, &options.ik))?;
         if round + 1 == options.rounds {
             report.finish(&present, &start, &uncertainty, &chosen, &tracked)?;
@@ -104,5 +110,5 @@ pub fn calibrate_clips(subject: &Subject, clips: &[Clip], options: &CalibrateOpt
         1e3 * report.held_out_rms_before_m,
         1e3 * report.held_out_rms_after_m
     ));
-    Ok(Calibration { subject: present, report })
+    Ok(Calibration { subject: present, report, errors })
 }

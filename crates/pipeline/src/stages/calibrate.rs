@@ -8,7 +8,7 @@ use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, para
 use crate::stages::object::may_teach;
 use crate::stages::shared::save_subject;
 use aloft_body::Subject;
-use aloft_ik::{CalibrateOptions, Calibration, Clip, IkError, IkOptions, calibrate_clips, shares};
+use aloft_ik::{CalibrateOptions, Calibration, Clip, GeometryError, IkError, IkOptions, calibrate_clips, shares};
 use aloft_scale::{Anthropometry, JointUncertainty, ObjectSpec, StaticAnatomy, attach_prior};
 use aloft_study::config::{CalibrateConfig, Switch};
 use aloft_study::facts::Facts;
@@ -24,7 +24,7 @@ use serde::Serialize;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "calibrate",
-    version: 4,
+    version: 5,
     scope: Scope::Session,
     seconds: 1.5,
     reads: "dynamic trials that are not held out, `Subject`",
@@ -90,7 +90,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     // out
     let names = inputs.trials_with_role("import", |role| may_teach(config, role));
     let dynamic = names.iter().filter(|t| inputs.role(t).is_some_and(Role::is_dynamic)).count();
-    if config.enabled == Switch::Off || dynamic == 0 || params.is_robot {
+    if params.is_robot {
         done.note("used", false);
         save_subject(inputs, &subject)?;
         return Ok(done);
@@ -106,12 +106,17 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         ik: IkOptions { locked: inputs.results.load_locked()?, ..IkOptions::default() },
         ..CalibrateOptions::default()
     };
+    if config.enabled == Switch::Off || dynamic == 0 {
+        done.note("used", false);
+        save_geometry(inputs, &subject, &from_landmarks(&subject, &options)?)?;
+        return Ok(done);
+    }
     let result = match calibrate_over(inputs, &names, &subject, &options)? {
         Ok(result) => result,
         Err(e) if config.enabled == Switch::Auto => {
             done.warnings.push(format!("the landmarks' geometry is kept: {e}"));
             done.note("used", false);
-            save_subject(inputs, &subject)?;
+            save_geometry(inputs, &subject, &from_landmarks(&subject, &options)?)?;
             return Ok(done);
         }
         Err(e) => return Err(StageFailure::new(e.to_string())),
@@ -131,20 +136,33 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
             1e3 * joint.sd_m
         ));
     }
-    let chosen: Subject = if keep {
+    let (chosen, errors) = if keep {
         let mut calibrated = result.subject;
         let anatomy: StaticAnatomy = read_json(&folder.join("anatomy.json"))?;
         let warnings = attach_prior(&mut calibrated, &params.anthropometry, &anatomy)
             .map_err(|e| StageFailure::new(e.to_string()))?;
         done.warnings.extend(warnings.iter().map(ToString::to_string));
         calibrated.provenance.push(format!("geometry: calibrated over {} trials", dynamic));
-        calibrated
+        (calibrated, result.errors)
     } else {
         done.warnings.push("held-out marker error did not fall: the landmarks' geometry is kept".to_owned());
-        subject
+        let errors = from_landmarks(&subject, &options)?;
+        (subject, errors)
     };
-    save_subject(inputs, &chosen)?;
+    save_geometry(inputs, &chosen, &errors)?;
     Ok(done)
+}
+
+/// File of the draws of what may be wrong with the geometry ([`GeometryError`]).
+pub const GEOMETRY_ERRORS_FILE: &str = "geometry_errors.json";
+
+fn save_geometry(inputs: &StageInputs<'_>, subject: &Subject, errors: &[GeometryError]) -> Result<(), StageFailure> {
+    write_json(&inputs.out.join(GEOMETRY_ERRORS_FILE), &errors)?;
+    save_subject(inputs, subject)
+}
+
+fn from_landmarks(subject: &Subject, options: &CalibrateOptions) -> Result<Vec<GeometryError>, StageFailure> {
+    GeometryError::of_landmarks(subject, options).map_err(|e| StageFailure::new(e.to_string()))
 }
 
 /// Distance from the landmarks above which a calibrated joint centre deserves a warning, m.

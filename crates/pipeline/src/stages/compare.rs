@@ -13,6 +13,7 @@ use aloft_compare::{
     TrialSeries, compare_each,
 };
 use aloft_filter::smooth;
+use aloft_ik::ERROR_SEED;
 use aloft_study::calendar::Calendar;
 use aloft_study::config::{CompareConfig, FilterConfig, IdentifyConfig, IkConfig, RegressorConfig, Rows};
 use aloft_study::effects::ModelEffects;
@@ -36,7 +37,7 @@ pub use trial::{ComparedTrial, HeldOut, has_validation, load_trials};
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 12,
+    version: 13,
     scope: Scope::Session,
     seconds: 0.6,
     reads: "parameters, held-out trials",
@@ -200,8 +201,19 @@ pub fn compare_options(params: &Params, subject: &Subject) -> CompareOptions {
         window_s: params.compare.window_s,
         flight_window_s: (params.regressor.window_s > 0.0).then_some(params.regressor.window_s),
         mass_kg: Some(subject.facts.mass_kg),
+        seed: ERROR_SEED,
         ..CompareOptions::default()
     }
+}
+
+/// Name of the model identified from the rows that were not chosen.
+fn from_rows(rows: Rows, with_effects: bool) -> String {
+    format!("{} rows{}", rows.word(), if with_effects { "" } else { " without effects" })
+}
+
+/// True for the model from acceleration rows beside that from weak rows, with effects or without.
+pub fn is_of_earlier_method(model: &str) -> bool {
+    [true, false].into_iter().any(|with_effects| model == from_rows(Rows::Acceleration, with_effects))
 }
 
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
@@ -222,11 +234,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         let Some(parameters) = results.load_parameters(rows)? else { continue };
         let without = with_effects && parameters.effects.is_empty();
         with_effects |= i == 0 && !parameters.effects.is_empty();
-        let name = match (i, without) {
-            (0, _) => "identified".to_owned(),
-            (_, true) => format!("{} rows without effects", rows.word()),
-            (_, false) => format!("{} rows", rows.word()),
-        };
+        let name = if i == 0 { "identified".to_owned() } else { from_rows(rows, !without) };
         let factors = training_factors(inputs, rows, params.contact)?;
         let parts = each_without(&Predicting::like(&subject, &parameters)?, &names, &factors, &parameters);
         if i == 0 {
@@ -289,13 +297,14 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         // the difference is mostly the motion of parts that no marker shows, or where software
         // misses the joints: where it sits and with what it grows says nothing about the links
         (comparison.words, comparison.worst) = (Vec::new(), Vec::new());
+        comparison.words_beside.clear();
         (comparison.first.segments, comparison.first.breakdown) = (Vec::new(), Vec::new());
         done.note("judged", false);
     }
     if let Some(floor) = &mut comparison.noise_floor {
         let stored = StoredFloor { key, floor: floor.clone() };
         write_json(&inputs.out.join(NOISE_FLOOR_FILE), &stored)?;
-        floor.flight_draws.clear();
+        floor.draws.clear();
     }
     write_json(&inputs.out.join("comparison.json"), &comparison)?;
     for s in &series {

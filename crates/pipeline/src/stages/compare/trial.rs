@@ -3,17 +3,20 @@
 use super::Params;
 use crate::plate_zeros::Zero;
 use crate::results::Results;
+use crate::stages::calibrate::GEOMETRY_ERRORS_FILE;
 use crate::stages::filter::low_pass;
 use crate::stages::robot::RobotErrors;
 use crate::stages::shared::fit_options;
 use crate::trial_rows::{TrialRows, effect_columns};
-use aloft_body::{Motion, Subject};
+use aloft_body::{Model, Motion, Subject};
 use aloft_compare::{Measured, OffsetRange, PlateDrift, PoseErrors, TareReadings, TrialInput, measured_wrench};
-use aloft_ik::MarkerErrors;
+use aloft_ik::{GeometryError, MarkerErrors};
 use aloft_regressor::EffectColumns;
 use aloft_study::calendar::Calendar;
 use aloft_study::subject_session::Role;
 use aloft_workspace::error::StageFailure;
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -45,13 +48,21 @@ pub struct ComparedTrial {
     pub offset_range: Option<OffsetRange>,
 }
 
-/// Errors of a trial's markers, from which the comparison draws.
+/// Errors of a trial's markers, from which the comparison draws, and the subject with other
+/// geometries that the calibration allows.
 #[derive(Debug)]
-pub struct DrawnErrors(MarkerErrors);
+pub struct DrawnErrors {
+    markers: MarkerErrors,
+    geometries: Vec<Subject>,
+}
 
 impl PoseErrors for DrawnErrors {
     fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
-        self.0.draw(motion, wanted, seed, draw)
+        self.markers.draw(motion, wanted, seed, draw)
+    }
+    fn with_geometry(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool) -> Vec<(Model, Motion)> {
+        let seen = self.markers.with_geometry(motion, wanted, &self.geometries);
+        self.geometries.iter().map(|s| s.model.clone()).zip(seen).collect()
     }
 }
 
@@ -79,7 +90,14 @@ impl ComparedTrial {
         let (trial, _) = results.load_labelled_markers(&self.name)?;
         let errors = MarkerErrors::of(&subject, &trial, &self.unfiltered, &options)
             .map_err(|e| StageFailure::new(e.to_string()))?;
-        self.errors = errors.map(|e| Box::new(DrawnErrors(e)) as Box<dyn PoseErrors + Send>);
+        let file = results.place("calibrate", WHOLE_STUDY)?.join(GEOMETRY_ERRORS_FILE);
+        // objects, robots and models of files have a geometry that is given
+        let drawn: Vec<GeometryError> = if file.exists() { read_json(&file)? } else { Vec::new() };
+        let geometries = drawn
+            .iter()
+            .map(|e| e.applied(&subject).map_err(|e| StageFailure::new(e.to_string())))
+            .collect::<Result<Vec<_>, _>>()?;
+        self.errors = errors.map(|markers| Box::new(DrawnErrors { markers, geometries }) as Box<dyn PoseErrors + Send>);
         Ok(self)
     }
 

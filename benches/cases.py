@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+"""The loop to its end on scenarios: simulate, run, discover, and every command that `next:` proposes, until it proposes no effect.
+
+For each scenario one line of JSON: verdict, and the errors in flight and in contact (newtons, multiples of the floor), before and after
+each addition. The pipeline is a copy in a temporary folder. Usage:
+
+  python3 benches/cases.py FOLDER [--only NAME,NAME] [--seeds 3] [--pipeline NAME=FILE] [--out OUT]
+
+`--seeds N` repeats each scenario with N other seeds; `--pipeline` gives one of them another pipeline (groups of recordings).
+"""
+
+import argparse
+import json
+import re
+import shlex
+import shutil
+import tempfile
+from pathlib import Path
+
+from laboratory import ROOT, call
+
+ROUNDS = 5
+
+
+def copied(kind, place, given):
+    """A copy of the configured pipeline whose references to other files stay valid."""
+    source = Path(given) if given else ROOT / f"pipelines/{kind}.yaml"
+    shutil.copytree(ROOT / "configs", place / "configs")
+    (place / "pipelines").mkdir()
+    return Path(shutil.copy(source, place / "pipelines"))
+
+
+def standing(aloft, pipeline, at):
+    """Errors and what is to correct, as `compare --json` says them."""
+    view = json.loads(call(aloft, "compare", pipeline, *at, "--json").stdout)
+    errors = {}
+    for entry in view["against_floor"]:
+        floor = (entry.get("floor") or {}).get("noise_floor")
+        newtons = entry["held_out_error"]
+        errors[entry["judged_on"]] = [round(newtons, 3), round(newtons / floor, 2) if floor else None]
+    return errors, (view.get("to_correct") or {}).get("words")
+
+
+def follow(aloft, file, seed, given):
+    """One scenario to its end."""
+    kind = re.search(r"kind:\s*(\w+)", file.read_text()).group(1)
+    line = {"case": file.stem, "seed": seed, "steps": []}
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        pipeline = copied(kind, place, given)
+        at = ["--data", place / "data", "--workspace", place / "results"]
+        made = [
+            ["simulate", file, "--out", place / "data", *(["--seed", seed] if seed else [])],
+            ["run", pipeline, *at],
+        ]
+        for command in made:
+            done = call(aloft, *command)
+            if done.returncode:
+                return {**line, "refused": done.stderr[-400:]}
+        for _ in range(ROUNDS):
+            errors, correct = standing(aloft, pipeline, at)
+            found = json.loads(call(aloft, "discover", pipeline, *at, "--json").stdout)
+            step = {"errors": errors, "verdict": found["verdict"], "groups": [g["effects"] for g in found["groups"]], "words": found["words"]}
+            step.update({"to_correct": correct} if correct else {})
+            line["steps"].append(step)
+            said = call(aloft, "discover", pipeline, *at)
+            text = re.sub(r"\\\n\s*", " ", said.stdout + said.stderr)
+            proposed = re.search(r"^\s*next\W+aloft (effect add .*)$", text, re.MULTILINE)
+            if not proposed:
+                break
+            step["added"] = proposed.group(1)
+            words = shlex.split(step["added"])
+            done = call(aloft, *words)
+            if done.returncode:
+                step["refused"] = done.stderr[-400:]
+                break
+    return line
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--aloft", default=str(ROOT / "target/release/aloft"))
+    parser.add_argument("--only", help="names, separated by commas")
+    parser.add_argument("--pipeline", action="append", default=[], help="NAME=FILE")
+    parser.add_argument("--seeds", type=int, default=0)
+    parser.add_argument("--first-seed", type=int, default=7001)
+    parser.add_argument("--out", type=Path)
+    args = parser.parse_args()
+    given = dict(p.split("=", 1) for p in args.pipeline)
+    for file in sorted(args.folder.glob("*.yaml")):
+        wanted = not args.only or file.stem in args.only.split(",")
+        if not wanted or "kind:" not in file.read_text():
+            continue
+        for seed in [None, *range(args.first_seed, args.first_seed + args.seeds)]:
+            line = json.dumps(follow(args.aloft, file, seed, given.get(file.stem)))
+            print(line, flush=True)
+            if args.out:
+                with open(args.out, "a") as out:
+                    out.write(line + "\n")
+
+
+if __name__ == "__main__":
+    main()
