@@ -38,11 +38,11 @@ pub struct ContactRows<'a> {
 impl Session<'_> {
     /// Takes draws of the errors that a model with the true parameters would leave, and computes
     /// from them up to which error they account for the held-out error
-    /// ([`HeldOutResult::by_parameters`]). The parameters are fitted to the errors of the flights of
-    /// the other recordings, as they are fitted to the data, and the prior is wrong by its own
-    /// covariance. The result is the geometric mean over the draws and the upper end of the
-    /// prediction interval for one more. `contact` are the rows of the windows in contact, for
-    /// which it is computed, too; without them only for flights. Needs
+    /// ([`HeldOutResult::by_parameters`](crate::HeldOutResult::by_parameters)). The parameters are
+    /// fitted to the errors of the flights of the other recordings, as they are fitted to the data,
+    /// and the prior is wrong by its own covariance. The result is the geometric mean over the
+    /// draws and the upper end of the prediction interval for one more. `contact` are the rows of
+    /// the windows in contact, for which it is computed, too; without them only for flights. Needs
     /// [`with_model_error`](Self::with_model_error) before; trials without draws change nothing.
     #[must_use]
     pub fn with_draws(mut self, draws: &[TrialDraws<'_>], contact: &[ContactRows<'_>]) -> Self {
