@@ -13,11 +13,11 @@ use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
 use aloft_discover::{
     Body, ContactRows, DiscoverOptions, Discovery, Found, FoundLaw, HeldOutResult, SelfTest, SelfTestOptions,
-    SelfTestProgress, Session, TrialDraws, TrialInput, Verdict, discover as rank, scene_of,
+    SelfTestProgress, Session, Staged, StagedCoefficient, TrialDraws, TrialInput, Verdict, discover as rank, scene_of,
 };
 use aloft_effects::{Effect, EffectInstance, PlateSeries};
 use aloft_flight::FlightReport;
-use aloft_identify::{LinkPrior, Prior};
+use aloft_identify::{EffectEstimate, LinkPrior, Prior};
 use aloft_pipeline::graph::results_hash;
 use aloft_pipeline::stages::below_weak_rows;
 use aloft_pipeline::trial_rows::TrialRows;
@@ -323,10 +323,16 @@ fn found(
     // the effects that were last computed by the stages, and their errors
     let last: Mutex<Option<(Vec<Found>, Vec<HeldOutError>)>> = Mutex::new(None);
     let by_stages = |found: &[Found]| {
-        let after = promised(session, found, &[], volume).ok()??.errors;
-        let both = ["flight", "contact"].map(|place| after.iter().find(|e| e.judged_on == place).and_then(standing_of));
-        *last.lock().unwrap_or_else(PoisonError::into_inner) = Some((found.to_vec(), after));
-        Some(both)
+        let made = promised(session, found, &[], volume).ok()??;
+        let of = |place| made.errors.iter().find(|e| e.judged_on == place).and_then(standing_of);
+        let coefficient =
+            |e: &EffectEstimate| StagedCoefficient { name: e.name.clone(), value: e.value, se: (e.se, e.freedom) };
+        let staged = Staged {
+            errors: ["flight", "contact"].map(of),
+            coefficients: made.coefficients.iter().map(coefficient).collect(),
+        };
+        *last.lock().unwrap_or_else(PoisonError::into_inner) = Some((found.to_vec(), made.errors));
+        Some(staged)
     };
     let prepared = bench.session.clone().with_stages(&by_stages);
     let (mut found, errors_after) = loop {
@@ -335,12 +341,15 @@ fn found(
         let laws: Vec<&FoundLaw> = found.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).collect();
         let done = last.lock().unwrap_or_else(PoisonError::into_inner).take();
         // where the stages cannot compute it, the estimate of the ranking stands
-        let after = match done.filter(|(effects, _)| laws.is_empty() && *effects == found.found) {
+        let same = |effects: &[Found]| {
+            effects.len() == found.found.len() && effects.iter().zip(&found.found).all(|(a, b)| a.is_same_effect(b))
+        };
+        let after = match done.filter(|(effects, _)| laws.is_empty() && same(effects)) {
             Some((_, errors)) => errors,
             None => promised(session, &found.found, &laws, volume)
                 .ok()
                 .flatten()
-                .map(|view| view.errors)
+                .map(|made| made.errors)
                 .unwrap_or_default(),
         };
         // what the user asks for by name is answered as asked
@@ -393,7 +402,7 @@ fn found(
         let after = if first.len() == found.found.len() {
             errors_after.clone()
         } else {
-            promised(session, first, &[], volume).ok().flatten().map(|view| view.errors).unwrap_or_default()
+            promised(session, first, &[], volume).ok().flatten().map(|made| made.errors).unwrap_or_default()
         };
         let of = |all: &[HeldOutError]| all.iter().find(|e| e.judged_on == step.judged_on).map(|e| e.held_out_error);
         step.left_of_error = of(&after).zip(of(&errors)).map(|(a, b)| a / b).filter(|share| share.is_finite());

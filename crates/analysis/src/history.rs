@@ -2,6 +2,7 @@
 
 use crate::compare::{ComparisonView, JudgedOn, compare};
 use crate::held_out::{HeldOutError, weight_n};
+use aloft_compare::{POOR_TIMES_FLOOR, significant};
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
 use aloft_pipeline::made::{compared_effects, made_with};
@@ -83,6 +84,9 @@ pub struct HistoryRow {
     pub base_change: Vec<(String, f64)>,
     /// Reason why the gain does not count; none if it counts.
     pub void: Option<String>,
+    /// What the intervals of the coefficients do not contain; none where the error is near its floor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub caution: Option<String>,
 }
 
 /// Torque of a joint whose laws a revision changed.
@@ -227,6 +231,13 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
         })
     });
     let here = now.and_then(pick);
+    let far = here.and_then(|j| j.times_floor()).filter(|times| *times >= POOR_TIMES_FLOOR);
+    let caution = far.filter(|_| now.is_some_and(|n| !n.coefficients.is_empty())).map(|times| {
+        format!(
+            "the error is {} times its floor: what is still missing may shift these values beyond their intervals",
+            significant(times, 2)
+        )
+    });
     HistoryRow {
         revision: r.number,
         action: r.action.clone(),
@@ -271,6 +282,7 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
         largest_change,
         base_change,
         void,
+        caution,
     }
 }
 

@@ -1,29 +1,40 @@
 //! What a change would give, before it is made: the stages that `run` and `effect add` run, on a
 //! copy of the workspace, so that the promised number is the one that the ladder shows afterwards.
 
-use crate::compare::{ComparisonView, compare};
+use crate::compare::compare;
 use crate::discover::Volume;
 use crate::effect::{of_found, of_law};
 use crate::freshness::freshness;
 use crate::held_out::HeldOutError;
 use crate::history::reached;
 use aloft_discover::{Found, FoundLaw};
-use aloft_identify::EffectEstimate;
+use aloft_identify::{EffectEstimate, Parameters};
 use aloft_pipeline::progress::{Progress, Silent};
 use aloft_pipeline::ready_made::{self, FORECAST};
+use aloft_pipeline::results::parameters_file;
 use aloft_pipeline::runner::run_held;
 use aloft_study::effects::OwnEffect;
 use aloft_study::revision::{ModelEffect, ReachedCoefficient, Revisions};
 use aloft_study::settings::{ADJUSTABLE, Adjustable, number_at, with_numbers};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
-/// The comparison of the model with all effects found added to it, or the laws that replace them;
+/// A model before it is made.
+pub(crate) struct Promised {
+    /// Held-out error and floor, in flight and in contact.
+    pub errors: Vec<HeldOutError>,
+    /// Coefficients of its effects.
+    pub coefficients: Vec<EffectEstimate>,
+}
+
+/// The model with all effects found added to it, or the laws that replace them;
 /// none if none was found, or if the results are not up to date, so that more than the effect would
 /// change.
 pub(crate) fn promised(
@@ -31,7 +42,7 @@ pub(crate) fn promised(
     found: &[Found],
     laws: &[&FoundLaw],
     volume: Volume,
-) -> Result<Option<ComparisonView>, PipelineError> {
+) -> Result<Option<Promised>, PipelineError> {
     if (found.is_empty() && laws.is_empty()) || !freshness(session)?.is_current() {
         return Ok(None);
     }
@@ -45,7 +56,12 @@ pub(crate) fn promised(
     for law in laws {
         own_effects.push(OwnEffect::described(&law.effect)?);
     }
-    on_a_copy(SubjectSession { effects, own_effects, ..with }, &Silent, Keep::Forecast, compare).map(Some)
+    on_a_copy(SubjectSession { effects, own_effects, ..with }, &Silent, Keep::Forecast, |done| {
+        let place = Workspace::open(&done.workspace).place("identify", WHOLE_STUDY);
+        let file = place.join(parameters_file(done.config.regressor.rows));
+        let coefficients = if file.is_file() { read_json::<Parameters>(&file)?.effects } else { Vec::new() };
+        Ok(Some(Promised { errors: compare(done)?.errors, coefficients }))
+    })
 }
 
 /// What differs from the pipeline when a model is tried.

@@ -67,7 +67,14 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     let unit = if best.judged_on == "contact" { "stretches of contact" } else { "flights or trials" };
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
     let several = d.found.len() > 1;
-    let subject = if several { format!("`{}`, fitted alone,", best.key) } else { "it".to_owned() };
+    // a pair may join although the best single candidate is neither of the two
+    let subject = if !d.found.iter().any(|f| f.key == best.key) && several {
+        format!("the best single candidate, `{}`,", best.key)
+    } else if several {
+        format!("`{}`, fitted alone,", best.key)
+    } else {
+        "it".to_owned()
+    };
     let then = if several { beside_others(d, best).unwrap_or_default() } else { String::new() };
     Some(format!(
         "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{then}; by chance the best of all candidates leaves less \

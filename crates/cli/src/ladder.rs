@@ -103,7 +103,11 @@ fn coefficients(r: &HistoryRow) -> Result<(), Stop> {
     for c in &r.coefficients {
         t.add_row([format!("  {}", c.name), beside(c.value, c.ci95), half(c.ci95)]);
     }
-    out(t)
+    out(t)?;
+    if let Some(caution) = &r.caution {
+        out(labelled("caution: ", &crate::screen::paint(caution, Signal::Fair)))?;
+    }
+    Ok(())
 }
 
 fn whole(rows: &[HistoryRow]) -> Result<(), Stop> {

@@ -6,12 +6,47 @@
 //! computed.
 
 use crate::held_out::HeldOutResult;
-use crate::result::Found;
+use crate::result::{Estimate, Found};
 use std::fmt;
 
-/// Error and floor in flight and in contact with these effects in the model; none where it cannot
-/// be computed.
-pub type Compute<'a> = &'a (dyn Fn(&[Found]) -> Option<[Option<HeldOutResult>; 2]> + Sync);
+/// A model with effects, computed by all stages.
+#[derive(Debug, Clone, Default)]
+pub struct Staged {
+    /// Error and floor in flight and in contact.
+    pub errors: [Option<HeldOutResult>; 2],
+    /// Coefficients of the effects.
+    pub coefficients: Vec<StagedCoefficient>,
+}
+
+/// A coefficient as the model reports it.
+#[derive(Debug, Clone)]
+pub struct StagedCoefficient {
+    /// Key of the effect and name of the coefficient: `tether[hand_r].stiffness`.
+    pub name: String,
+    /// Estimate.
+    pub value: f64,
+    /// Standard error and its degrees of freedom.
+    pub se: (f64, f64),
+}
+
+impl Staged {
+    /// Replaces the estimates of the ranking by those of the model, so that one number with one
+    /// interval stands everywhere.
+    pub(crate) fn restate(&self, found: &mut [Found]) {
+        for f in found {
+            for e in f.coefficients.iter_mut().filter(|e| !e.at_bound) {
+                let name = format!("{}.{}", f.key, e.name);
+                let Some(c) = self.coefficients.iter().find(|c| c.name == name && c.value.is_finite()) else {
+                    continue;
+                };
+                *e = Estimate { value: c.value, ..e.clone() }.with_error(c.se.0, c.se.1);
+            }
+        }
+    }
+}
+
+/// The model with these effects; none where it cannot be computed.
+pub type Compute<'a> = &'a (dyn Fn(&[Found]) -> Option<Staged> + Sync);
 
 /// Computes a model by all stages, if the caller can.
 #[derive(Clone, Copy, Default)]
@@ -22,8 +57,8 @@ impl<'a> ByStages<'a> {
         Self(Some(compute))
     }
 
-    /// Error and floor with these effects in the model.
-    pub fn with(&self, found: &[Found]) -> Option<[Option<HeldOutResult>; 2]> {
+    /// The model with these effects.
+    pub fn with(&self, found: &[Found]) -> Option<Staged> {
         if found.is_empty() { None } else { self.0?(found) }
     }
 }

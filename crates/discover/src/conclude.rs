@@ -74,7 +74,7 @@ pub(crate) fn conclude(
     until: &Until,
     options: &DiscoverOptions,
 ) -> Discovery {
-    let RoundResults { mut rounds, found, kept, left_out, errors: [before, after], has_flights } = made;
+    let RoundResults { mut rounds, mut found, kept, left_out, errors: [before, after], has_flights } = made;
     let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
     let mut steps = Vec::new();
     for (v, f) in kept.iter().zip(&found) {
@@ -147,9 +147,12 @@ pub(crate) fn conclude(
     let estimates = [estimated(0), estimated(1)];
     let of_stages = |i: usize| {
         let by_parameters = session.model_error[i].and_then(|s| s.by_parameters);
-        computed.and_then(|c| c[i]).map(|s| HeldOutResult { by_parameters, ..s })
+        computed.as_ref().and_then(|c| c.errors[i]).map(|s| HeldOutResult { by_parameters, ..s })
     };
     let left = [0, 1].map(|i| of_stages(i).or(estimates[i]));
+    if let Some(staged) = &computed {
+        staged.restate(&mut found);
+    }
     let mut out = Discovery {
         schema: 1,
         verdict,

@@ -228,11 +228,13 @@ pub fn discover(
                 let sure_of_both = ids.iter().all(|id| both_ids.contains(id));
                 let share = 100.0 * (error / (plain * problem.n_judged as f64)).sqrt();
                 let both = format!("`{}` and `{}`", key_of(session, &a), key_of(session, &b));
-                round.words = if go_on {
+                let one = chosen.filter(|_| go_on).map(|r| {
+                    let left = 100.0 * (mean_square(r) / plain).sqrt();
+                    format!("the best of them, `{}`, leaves {left:.0} %", key_of(session, &r.scored))
+                });
+                round.words = if let Some(one) = one {
                     format!(
-                        "two effects together, {both}, explain more ({share:.0} % of the held-out error remains) than any \
-                         one: {}",
-                        round.words
+                        "two effects together, {both}, are missing: held-out error falls to {share:.0} %; one alone explains less ({one})"
                     )
                 } else {
                     format!(

@@ -92,7 +92,7 @@ mod thin;
 mod wording;
 
 pub use addition::{addition, detectable, ladder};
-pub use by_stages::Compute;
+pub use by_stages::{Compute, Staged, StagedCoefficient};
 pub use discover::{catalogue, discover};
 pub use drawn::{ContactRows, TrialDraws};
 pub use error::DiscoverError;

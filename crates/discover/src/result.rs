@@ -364,10 +364,19 @@ pub struct Found {
     pub target: Target,
     /// Nonlinear parameters.
     pub nonlinear: Vec<Estimate>,
-    /// Coefficients, refitted with all effects found.
+    /// Coefficients with all effects found in the model: those that `effect add` will show where
+    /// all stages could compute them, else refitted by the ranking.
     pub coefficients: Vec<Estimate>,
     /// Trials in which a group effect acts; empty for all.
     pub trials: Vec<String>,
+}
+
+impl Found {
+    /// True if both put the same effect into a model, whatever its coefficients are estimated at.
+    pub fn is_same_effect(&self, other: &Self) -> bool {
+        let values = |f: &Self| f.nonlinear.iter().map(|e| e.value.to_bits()).collect::<Vec<_>>();
+        self.key == other.key && self.trials == other.trials && values(self) == values(other)
+    }
 }
 
 /// Writes a missing number as `null` in text formats and reads it back as NaN.

@@ -1,6 +1,6 @@
 //! The effects that stand beside each other for the verdict, fitted on equal terms.
 
-use crate::candidate::{Scored, score};
+use crate::candidate::{Scored, Variant, score};
 use crate::ladder::sharpened;
 use crate::limits::limit;
 use crate::nonlinear::{improve, score_fitted};
@@ -9,7 +9,7 @@ use crate::problem::Problem;
 use crate::rank::{EffectScore, FULL_STEPS};
 use crate::result::Candidate;
 use crate::session::Session;
-use aloft_effects::{Effect, Target};
+use aloft_effects::{Effect, ParameterKind, Target};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -18,6 +18,18 @@ use rayon::prelude::*;
 const NEARLY: f64 = 0.94;
 /// Number of targets of a rival that are fitted again.
 const TARGETS: usize = 3;
+
+/// Ratio of held-out errors (mean square) up to which two links carry an effect equally well.
+const ALIKE: f64 = 1.02;
+
+/// Distance of the point on which a variant acts from the centre of mass of its link, m; zero for
+/// one without a point.
+fn away_from_middle(session: &Session<'_>, variant: &Variant<'_>) -> f64 {
+    let parameters = variant.effect.nonlinear(session.scene, variant.target);
+    let on_link =
+        parameters.iter().zip(&variant.nonlinear).filter(|(q, _)| matches!(q.kind, ParameterKind::PointOnLink(_)));
+    on_link.map(|(q, p)| (p - 0.5 * (q.lower + q.upper)).powi(2)).sum::<f64>().sqrt()
+}
 
 /// An accepted effect, refitted with the weight that the prior has when the best effect is in the
 /// model.
@@ -99,7 +111,16 @@ pub(crate) fn rivals<'a>(
         });
         let unknowns = |s: &Scored<'_>| s.variant.unknowns();
         let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
-        let best = fitted.min_by(|a, b| error(a).total_cmp(&error(b)).then(unknowns(a).cmp(&unknowns(b))));
+        let fitted: Vec<Scored<'a>> = fitted.collect();
+        let order =
+            |a: &&Scored<'_>, b: &&Scored<'_>| error(a).total_cmp(&error(b)).then(unknowns(a).cmp(&unknowns(b)));
+        let best = fitted.iter().min_by(order).map(|least| {
+            // a force at a joint acts on either link: the one whose middle is nearer to it
+            let alike = |s: &&Scored<'_>| unknowns(s) == unknowns(least) && error(s) <= ALIKE * error(least);
+            let away = |s: &Scored<'_>| away_from_middle(session, &s.variant);
+            let nearest = fitted.iter().filter(alike).min_by(|a, b| away(a).total_cmp(&away(b)));
+            nearest.unwrap_or(least).clone()
+        });
         best.map_or_else(
             || as_ranked(index),
             |scored| Rival {

@@ -3,7 +3,7 @@
 use crate::held_out::HeldOutResult;
 use crate::laws::{OpenWorld, WHOLE_BODY};
 use crate::problem::Domain;
-use crate::result::{Candidate, Discovery, FEWEST_CLUSTERS, MANY_CLUSTERS, Verdict};
+use crate::result::{Candidate, Discovery, Estimate, FEWEST_CLUSTERS, MANY_CLUSTERS, Verdict};
 use aloft_effects::{About, Effect, EffectKind};
 use aloft_identify::half_of;
 
@@ -18,16 +18,17 @@ fn list(names: &[String]) -> String {
     names.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")
 }
 
-fn estimate(c: &Candidate) -> String {
-    c.coefficients
+fn estimate(coefficients: &[Estimate]) -> String {
+    coefficients
         .iter()
         .map(|e| {
             let half = half_of(e.ci95).unwrap_or(f64::NAN);
             let digits = decimals(half);
+            let unit = if e.unit == "1" { String::new() } else { format!(" {}", e.unit) };
             match e.ci95 {
-                Some(_) => format!("{} {:.digits$} ± {half:.digits$} {} (95 %)", e.name, e.value, e.unit),
-                None if e.at_bound => format!("{} {:.digits$} {}, at its bound", e.name, e.value, e.unit),
-                None => format!("{} {:.digits$} {}", e.name, e.value, e.unit),
+                Some(_) => format!("{} {:.digits$} ± {half:.digits$}{unit} (95 %)", e.name, e.value),
+                None if e.at_bound => format!("{} {:.digits$}{unit}, at its bound", e.name, e.value),
+                None => format!("{} {:.digits$}{unit}", e.name, e.value),
             }
         })
         .collect::<Vec<_>>()
@@ -68,22 +69,20 @@ pub(crate) fn round(
     let first = effects.first().and_then(|e| candidates.iter().find(|c| c.effect == *e));
     match (verdict, first, best) {
         (Verdict::Supported, Some(c), _) => format!(
-            "{}: `{}` is missing: held-out error falls to {:.0} % ({:.0}-{:.0} %); {}{}{}",
+            "{}: `{}` is missing: held-out error falls to {:.0} % ({:.0}-{:.0} %){}{}",
             if c.kind == EffectKind::Artefact { "artefact more likely than physics" } else { "supported" },
             c.key,
             100.0 * c.held_out_ratio,
             100.0 * c.ci95[0],
             100.0 * c.ci95[1],
-            estimate(c),
             if c.class.is_empty() { String::new() } else { format!(" (cannot be told from: {})", c.class) },
             as_limits(limits),
         ),
         (Verdict::OneOf, Some(c), _) => format!(
-            "one of {} is missing, which these recordings cannot tell apart; with `{}` held-out error falls to {:.0} %; {}{}",
+            "one of {} is missing, which these recordings cannot tell apart; with `{}` held-out error falls to {:.0} %{}",
             list(effects),
             c.key,
             100.0 * c.held_out_ratio,
-            estimate(c),
             as_limits(limits),
         ),
         (_, _, Some(b)) => format!(
@@ -207,6 +206,11 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> Strin
     } else {
         said.join("; then ")
     };
+    if matches!(d.verdict, Verdict::Supported | Verdict::OneOf) {
+        for f in &d.found {
+            text.push_str(&format!("; `{}`: {}", f.key, estimate(&f.coefficients)));
+        }
+    }
     if let Some(misfit) = &d.misfit {
         text.push_str(&format!("; but {}", misfit.text));
     }
