@@ -399,9 +399,11 @@ fn check_body(body: &Body<'_>) -> Result<(), CompareError> {
 fn plates_correlation(series: &TrialSeries, c: usize) -> Option<f64> {
     let contact = |f: &usize| series.phase[*f].is_some_and(|p| p.is_contact());
     let sizes = |wrenches: &[Vector6<f64>]| -> Vec<f64> {
-        (0..series.phase.len()).filter(contact).map(|f| halves(&wrenches[f]).0.norm()).collect()
+        let at = |f: usize| if contact(&f) { halves(&wrenches[f]).0.norm() } else { f64::NAN };
+        (0..series.phase.len()).map(at).collect()
     };
-    correlation_in_time(&sizes(&series.predicted[c]), &sizes(&series.measured))
+    let rate_hz = series.time_s.get(1).map_or(f64::NAN, |t| (t - series.time_s[0]).recip());
+    correlation_in_time(&sizes(&series.predicted[c]), &sizes(&series.measured), rate_hz)
 }
 
 fn model_comparison(

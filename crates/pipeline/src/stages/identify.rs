@@ -329,6 +329,12 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         let factors = training_factors(inputs, rows, params.contact)?;
         if factors.is_empty() {
             let problem = format!("no flight of an identification trial gave {} rows", rows.word());
+            if rows == chosen && !inputs.expected().iter().any(|(_, role)| *role == Role::Identify) {
+                return Err(StageFailure::with_hint(
+                    "there is no recording to identify from",
+                    "`trials: {identify: […]}` of the pipeline matches none; `aloft check` lists the recordings that match no pattern",
+                ));
+            }
             if rows == chosen {
                 return Err(StageFailure::with_hint(
                     problem,
