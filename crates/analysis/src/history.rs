@@ -84,7 +84,8 @@ pub struct HistoryRow {
     pub base_change: Vec<(String, f64)>,
     /// Reason why the gain does not count; none if it counts.
     pub void: Option<String>,
-    /// What the intervals of the coefficients do not contain; none where the error is near its floor.
+    /// What the intervals of the coefficients do not contain; none where the error is near its
+    /// floor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub caution: Option<String>,
 }

@@ -43,7 +43,7 @@ mod tests {
         assert!((correlation_in_time(&own, &scaled, 100.0).unwrap() - 1.0).abs() < 1e-9);
         assert!(correlation_in_time(&own, &other, 100.0).unwrap().abs() < 0.3);
         // noise from frame to frame is no other motion
-        let noisy: Vec<f64> = own.iter().enumerate().map(|(i, x)| x + if i % 2 == 0 { 2e3 } else { -2e3 }).collect();
+        let noisy: Vec<f64> = own.iter().enumerate().map(|(i, x)| x + if i % 2 == 0 { 1e3 } else { -1e3 }).collect();
         assert!(correlation_in_time(&noisy, &own, 100.0).unwrap() > 0.8);
         // standing still follows nothing
         assert_eq!(correlation_in_time(&own, &[700.0; 200], 100.0), None);

@@ -96,7 +96,7 @@ impl Floor {
 }
 
 /// Draws of the errors in the windows of one trial that a model with the true parameters would
-/// leave in the geometry of the calibration: errors of the markers and plates, and of that geometry.
+/// leave in the geometry of the calibration: errors of markers and plates, and of that geometry.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrialDraws {
     /// Name of the trial.

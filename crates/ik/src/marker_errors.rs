@@ -32,8 +32,8 @@
 //! Not included: a movement common to all markers of a link, because the fit follows it and leaves
 //! no residual.
 //!
-//! **Geometry.** A calibration leaves joint centres, hinge axes and marker places uncertain. Another
-//! geometry γ of the same subject shows the same markers by other poses,
+//! **Geometry.** A calibration leaves joint centres, hinge axes and marker places uncertain.
+//! Another geometry γ of the same subject shows the same markers by other poses,
 //! `δq = G (p(q; γ₀) − p(q; γ))`, which [`MarkerErrors::with_geometry`] computes for draws of γ.
 
 use crate::frame::Solver;
