@@ -31,6 +31,7 @@ mod right_results;
 mod robot;
 mod robot_contact;
 mod robot_coverage;
+mod robot_joint_coverage;
 mod robot_joints;
 mod robot_markers;
 mod robot_next;

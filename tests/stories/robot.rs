@@ -267,6 +267,30 @@ fn inertias_of_a_contradicted_model_are_marked() {
     assert!(written.contains("CAUTION: the held-out error in flight is"), "{written}");
 }
 
+/// A recording without a column for a joint has a reason of its own, and a base whose vertical is
+/// not z is an error of one line.
+#[test]
+fn a_missing_joint_and_another_vertical_are_named() {
+    let lab = Lab::new();
+    lab.rewrite_log("throw_01", &|text| text.replace("q_l_elbow_rad", "angle_7"));
+    let told = lab.call(&["run"], &["--details"], 1);
+    assert!(told.contains("no column for the joint `l_elbow`"), "{told}");
+    let table = lab.result("summary.csv");
+    assert!(table.contains("missing_joint") && !table.contains("unreadable_file"), "{table}");
+    for (text, axis) in [("time_s,x_m,z_m,y_m", "−y"), ("time_s,z_m,y_m,x_m", "−x")] {
+        let lab = Lab::new();
+        for trial in ["throw_01", "throw_02"] {
+            let file = lab.data.join(format!("{trial}_base.csv"));
+            let base = fs::read_to_string(&file).unwrap();
+            assert!(base.contains("time_s,x_m,y_m,z_m"), "{}", &base[..60]);
+            fs::write(&file, base.replace("time_s,x_m,y_m,z_m", text)).unwrap();
+        }
+        let told = lab.call(&["run"], &["--details"], 1);
+        let expected = format!("m/s² towards {axis}, expected towards −z: the vertical is not z");
+        assert!(unwrapped(told.as_bytes()).contains(&expected), "{told}");
+    }
+}
+
 #[test]
 fn torques_in_other_units_and_a_wrong_mass_are_named() {
     for (factor, expected) in [

@@ -48,18 +48,14 @@ impl Draws {
     }
 }
 
-/// Numbers of intervals that hold the truth, of all intervals, and the sum of squared errors in
-/// standard errors.
-fn one(seed: u64, recordings: usize) -> (usize, usize, f64) {
+/// A robot whose inertias are drawn about the fixture's model, and its laboratory without
+/// recordings.
+pub fn drawn(draws: &mut Draws, data: &Path) -> True {
     let nominal = fs::read_to_string(repo("fixtures/robot/model/nominal.urdf")).unwrap();
     let nominal = RobotModel::parse("nominal.urdf", &nominal).unwrap();
-    let mut draws = Draws(ChaCha8Rng::seed_from_u64(seed));
     let True { robot, model, .. } = truth();
     let links: Vec<LinkInertia> = nominal.spec.links.iter().map(|l| draws.link(&l.inertia.unwrap())).collect();
     let mass: f64 = links.iter().map(|l| l.mass_kg).sum();
-    let truth = True { robot, model, phi: links.iter().map(LinkInertia::to_phi).collect() };
-    let dir = folder();
-    let data = dir.path().join("lab");
     fs::create_dir_all(data.join("model")).unwrap();
     for file in ["model/nominal.urdf", "model/nominal.xml"] {
         let _ = fs::copy(repo(&format!("fixtures/robot/{file}")), data.join(file)).unwrap();
@@ -67,6 +63,16 @@ fn one(seed: u64, recordings: usize) -> (usize, usize, f64) {
     let described = fs::read_to_string(repo("fixtures/robot/robot.yaml")).unwrap();
     let described = described.replace("total_mass_kg: 5.400", &format!("total_mass_kg: {mass:.6}"));
     fs::write(data.join("robot.yaml"), described).unwrap();
+    True { robot, model, phi: links.iter().map(LinkInertia::to_phi).collect() }
+}
+
+/// Numbers of intervals that hold the truth, of all intervals, and the sum of squared errors in
+/// standard errors.
+fn one(seed: u64, recordings: usize) -> (usize, usize, f64) {
+    let mut draws = Draws(ChaCha8Rng::seed_from_u64(seed));
+    let dir = folder();
+    let data = dir.path().join("lab");
+    let truth = drawn(&mut draws, &data);
     for k in 0..recordings {
         let flights: Vec<_> = (0..FLIGHTS).map(|_| draws.flight(truth.robot.joints.len())).collect();
         record(&truth, &flights, 1000 * seed + k as u64, &data, &format!("throw_{:02}", k + 1));

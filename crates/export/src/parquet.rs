@@ -4,6 +4,7 @@
 //! codecs, which take most of the time of a first build.
 
 use polars::prelude::*;
+use polars_parquet::parquet::compression::Compression as Packing;
 use polars_parquet::read::{
     BasicDecompressor, PageReader, ParquetError, column_iter_to_arrays, get_field_pages, infer_schema, read_metadata,
 };
@@ -66,7 +67,7 @@ pub fn write(
 /// Reads a frame from the bytes of a Parquet file with flat columns, as written by [`write()`].
 ///
 /// # Errors
-/// Errors of polars' decoder.
+/// Another compression than [`Compression`], and errors of polars' decoder.
 pub fn read(bytes: Vec<u8>) -> PolarsResult<DataFrame> {
     let mut source = Cursor::new(bytes.as_slice());
     let metadata = read_metadata(&mut source)?;
@@ -78,6 +79,13 @@ pub fn read(bytes: Vec<u8>) -> PolarsResult<DataFrame> {
             let of_group = group.parquet_columns();
             let (mut pages, mut types) = (Vec::new(), Vec::new());
             for column in get_field_pages(of_group, of_group, &field.name) {
+                let packed = column.compression();
+                if !matches!(packed, Packing::Uncompressed | Packing::Snappy) {
+                    let packed = format!("{packed:?}").to_lowercase();
+                    return Err(PolarsError::ComputeError(
+                        format!("compressed with {packed}, expected snappy or no compression").into(),
+                    ));
+                }
                 let range = column.byte_range();
                 let range = range.start as usize..range.end as usize;
                 let Some(chunk) = bytes.get(range) else {
@@ -100,4 +108,24 @@ pub fn read(bytes: Vec<u8>) -> PolarsResult<DataFrame> {
         columns.push(series.rechunk().into());
     }
     DataFrame::new(metadata.num_rows, columns)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+    use super::*;
+
+    #[test]
+    fn a_compression_that_is_not_read_is_named() {
+        let frame = DataFrame::new(3, vec![Series::new("time_s".into(), [0.0, 0.1, 0.2]).into()]).unwrap();
+        let mut bytes = Vec::new();
+        write(&frame, &mut bytes, Compression::Snappy, |_| false).unwrap();
+        assert_eq!(read(bytes.clone()).unwrap(), frame);
+        // in the footer the codec follows the column's name: snappy is 1, zstd 6, as zigzag numbers
+        let codec = b"time_s\x15\x02";
+        let at = bytes.windows(codec.len()).position(|w| w == codec).unwrap();
+        bytes[at + codec.len() - 1] = 12;
+        let problem = read(bytes).unwrap_err().to_string();
+        assert!(problem.contains("compressed with zstd, expected snappy or no compression"), "{problem}");
+    }
 }

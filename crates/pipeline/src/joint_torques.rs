@@ -141,7 +141,7 @@ impl<'a> JointTorques<'a> {
     /// Rows of each flight of a recording with a motion and torques; none for flights that are too
     /// short.
     fn formed(&self, of: &Recorded, motion: &Motion, torques: &[Vec<f64>]) -> Vec<Option<JointFlight>> {
-        let torques = Torques { values: torques, sd_nm: self.robot.description.noise.torque_nm };
+        let torques = Torques { values: torques, sd_nm: self.robot.description.noise.torque_nm, white_nm: &[] };
         of.stretches
             .iter()
             .map(|stretch| {

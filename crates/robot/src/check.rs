@@ -6,7 +6,7 @@ use crate::clock::{AT_REST_RAD_S, base_rates, rough_offset};
 use crate::log::{BaseLog, RobotLog};
 use crate::{RobotError, RobotModel};
 use aloft_body::STANDARD_GRAVITY_MPS2;
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 const DEGREES: f64 = 180.0 / std::f64::consts::PI;
 /// Rows on each side of a difference that stands for a rate.
@@ -16,7 +16,8 @@ const REACH: usize = 3;
 ///
 /// # Errors
 /// [`RobotError::Log`] for columns without numbers, joint columns in degrees, exchanged or reversed
-/// columns, a gyroscope in degrees, and quaternions in another order or direction than stated.
+/// columns, a gyroscope in degrees, quaternions in another order or direction than stated, and a
+/// base that falls along another axis than z.
 pub fn check(log: &RobotLog, base: Option<&BaseLog>, model: &RobotModel) -> Result<Vec<String>, RobotError> {
     let mut remarks = Vec::new();
     missing(log, model, &mut remarks)?;
@@ -24,8 +25,78 @@ pub fn check(log: &RobotLog, base: Option<&BaseLog>, model: &RobotModel) -> Resu
     joints(log, model, &mut remarks)?;
     if let Some(base) = base.or(log.base.as_ref()) {
         rotation(log, base)?;
+        vertical(log, base)?;
     }
     Ok(remarks)
+}
+
+/// Specific force below which the body falls, as a share of gravity: turning adds some at the
+/// inertial unit.
+const FALLING: f64 = 0.4;
+/// Shortest fall that is compared, and what is left off at both ends of each, s.
+const SHORTEST_FALL_S: f64 = 0.2;
+const ENDS_S: f64 = 0.03;
+/// Largest angle between the fall and the world's −z, as a cosine (45°): the base turns about the
+/// centre of mass, which bends its way in short flights.
+const NOT_DOWN: f64 = 0.7;
+
+/// Direction in which the base falls while the accelerometer reads little: down is −z.
+fn vertical(log: &RobotLog, base: &BaseLog) -> Result<(), RobotError> {
+    let Some(acc) = &log.acc else { return Ok(()) };
+    let offset = if log.base.is_some() { Some(0.0) } else { rough_offset(log, base).map(|r| r.offset_s) };
+    let Some(offset) = offset else { return Ok(()) };
+    let free = |i: usize| acc.get(i).is_some_and(|a| a.norm() < FALLING * STANDARD_GRAVITY_MPS2);
+    let mut falls = Vec::new();
+    for run in aloft_signal::runs_where(log.time_s.len(), free) {
+        let (from, to) = (log.time_s[run.start], log.time_s[run.end - 1]);
+        if to - from >= SHORTEST_FALL_S {
+            falls.extend(acceleration(base, from + offset + ENDS_S, to + offset - ENDS_S));
+        }
+    }
+    if falls.is_empty() {
+        return Ok(());
+    }
+    let fall = falls.iter().sum::<Vector3<f64>>() / falls.len() as f64;
+    let size = fall.norm() / STANDARD_GRAVITY_MPS2;
+    if !(0.6..1.4).contains(&size) || -fall.z > NOT_DOWN * fall.norm() {
+        return Ok(());
+    }
+    let axis = fall.iamax();
+    Err(RobotError::log(
+        &base.file,
+        format!(
+            "in {} flights the base accelerates with {:.1} m/s² towards {}{}, expected towards −z: the vertical is not z",
+            falls.len(),
+            fall.norm(),
+            if fall[axis] < 0.0 { '−' } else { '+' },
+            ["x", "y", "z"][axis]
+        ),
+        "exchange the columns of position and rotation so that z points up",
+    ))
+}
+
+/// Mean acceleration of the base between two times of its clock, by a parabola.
+fn acceleration(base: &BaseLog, from_s: f64, to_s: f64) -> Option<Vector3<f64>> {
+    const FEWEST: usize = 8;
+    let middle = 0.5 * (from_s + to_s);
+    let inside: Vec<(f64, Vector3<f64>)> = base
+        .time_s
+        .iter()
+        .zip(&base.position_m)
+        .filter(|(t, p)| (from_s..=to_s).contains(*t) && p.iter().all(|x| x.is_finite()))
+        .map(|(t, p)| (t - middle, *p))
+        .collect();
+    if inside.len() < FEWEST {
+        return None;
+    }
+    let mut information = Matrix3::zeros();
+    let mut right = Matrix3::zeros();
+    for (t, p) in &inside {
+        let powers = Vector3::new(1.0, *t, 0.5 * t * t);
+        information += powers * powers.transpose();
+        right += powers * p.transpose();
+    }
+    Some((information.try_inverse()? * right).row(2).transpose())
 }
 
 /// Units of the accelerometer and of the base's position.

@@ -24,6 +24,16 @@ pub enum RobotError {
         /// What is wrong, with what was expected.
         problem: String,
     },
+    /// The log has no column for a joint of the model.
+    #[error("{file}: {problem}")]
+    MissingJoint {
+        /// File.
+        file: String,
+        /// The joint, and the columns that come near.
+        problem: String,
+        /// What to do.
+        hint: String,
+    },
     /// The contents of a log or base recording contradict each other or the model.
     #[error("{file}: {problem}")]
     Log {
@@ -40,7 +50,7 @@ impl RobotError {
     /// What to do about it, if that is known.
     pub fn hint(&self) -> Option<&str> {
         match self {
-            Self::Log { hint, .. } => Some(hint),
+            Self::Log { hint, .. } | Self::MissingJoint { hint, .. } => Some(hint),
             _ => None,
         }
     }

@@ -6,15 +6,21 @@
 //! weight is zero where the law of friction or the gains are wrong.
 
 use crate::model::{RobotJoint, RobotModel};
-use crate::normal::Normal;
-use crate::torque::UNKNOWNS;
-use aloft_identify::Prior;
+use crate::normal::{Normal, Solver};
+use crate::torque::{BEND, UNKNOWNS};
+use aloft_identify::{Prior, satterthwaite};
 use aloft_regressor::Factor;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Weights of torque rows that are tried, relative to rows of their own spread.
 const WEIGHTS: [f64; 5] = [0.0, 0.03, 0.1, 0.3, 1.0];
+/// Places of the gain's error and of the delay among [`UNKNOWNS`].
+const GAIN: usize = 3;
+const DELAY: usize = 4;
+/// Rounds in which the delay's square is linearised about the last estimate.
+const ROUNDS: usize = 3;
 /// Standard deviation of a torque's gain about 1 before any motion.
 const GAIN_SD: f64 = 0.05;
 /// Standard deviation of a torque's delay before any motion, s.
@@ -105,6 +111,9 @@ pub struct JointRows<'a> {
     pub base: &'a [Factor],
     /// Torque rows, one factor a flight.
     pub torque: &'a [Factor],
+    /// For each of them and each joint: the sum over its rows of the variance that the torque's
+    /// noise has in a row ([`crate::torque::torque_factor`]).
+    pub noise: &'a [Vec<f64>],
     /// Standard deviation of a base row.
     pub base_row_sd: f64,
     /// Prior of the base parameters.
@@ -167,13 +176,122 @@ fn squares(factors: &[&Factor], x: &DVector<f64>) -> (f64, usize) {
     })
 }
 
+/// Standard errors of unknowns and their degrees of freedom from the spread among flights.
+///
+/// With the information A of everything, A_g of flight g and P of the prior, the estimate without
+/// flight g differs from the whole one by `d_g = (A − A_g)⁻¹ s_g`, with the flight's score `s_g`.
+/// `Σ d_g²` is the jackknife's variance (CR3). It is scaled so that it has no bias if the rows'
+/// errors are independent and of one size, `c A⁻¹ (A − P) A⁻¹ c` instead of the trace of the
+/// quadratic form's matrix M. Degrees of freedom are those of Bell and McCaffrey (2002), `tr(M)² /
+/// tr(M²)`. The prior's own error adds `c A⁻¹ P A⁻¹ c`.
+fn spread_of(whole: &Normal, prior: &Normal, parts: &[Normal], of: Range<usize>) -> Option<Vec<(f64, f64)>> {
+    let (x, inverse) = whole.solve()?;
+    let (n, of) = (x.len(), of.collect::<Vec<usize>>());
+    let unit = DMatrix::from_fn(n, of.len(), |i, k| f64::from(u8::from(i == of[k])));
+    let mut squares = vec![0.0; of.len()];
+    let mut diagonal: Vec<Vec<f64>> = Vec::new();
+    let mut reach: Vec<DMatrix<f64>> = Vec::new();
+    for part in parts {
+        let rest = Solver::of(&(&whole.matrix - &part.matrix))?;
+        let score = &part.right - &part.matrix * &x;
+        let moved = rest.solve(&DMatrix::from_column_slice(n, 1, score.as_slice()));
+        let by = &part.matrix * rest.solve(&unit);
+        for (k, at) in of.iter().enumerate() {
+            squares[k] += moved[(*at, 0)].powi(2);
+        }
+        diagonal.push((0..of.len()).map(|k| by.column(k).dot(&inverse.column(of[k]))).collect());
+        reach.push(by);
+    }
+    let turned: Vec<DMatrix<f64>> = reach.iter().map(|b| &inverse * b).collect();
+    Some(
+        of.iter()
+            .enumerate()
+            .map(|(k, &at)| {
+                let c = inverse.column(at);
+                let by_prior = c.dot(&(&prior.matrix * c)).max(0.0);
+                let by_rows = (inverse[(at, at)] - by_prior).max(0.0);
+                let trace: f64 = diagonal.iter().map(|d| d[k]).sum();
+                let mut square = 0.0;
+                for g in 0..parts.len() {
+                    for h in 0..parts.len() {
+                        let m = if g == h { diagonal[g][k] } else { -reach[g].column(k).dot(&turned[h].column(k)) };
+                        square += m * m;
+                    }
+                }
+                let variance = if trace > 0.0 { squares[k] * by_rows / trace } else { 0.0 };
+                let freedom = if square > 0.0 { trace * trace / square } else { f64::INFINITY };
+                let (sum, freedom) = satterthwaite(&[(variance, freedom), (by_prior, f64::INFINITY)]);
+                (sum.sqrt(), freedom)
+            })
+            .collect(),
+    )
+}
+
+/// Torque rows of one flight.
+struct Flight<'a> {
+    factor: &'a Factor,
+    noise: &'a [f64],
+    /// `[columns | measured]`, the squares of delays linearised.
+    rows: DMatrix<f64>,
+}
+
+impl<'a> Flight<'a> {
+    /// With ½ δ² = δ₀ δ − ½ δ₀² for the delay δ of each joint, of which the last columns of `factor`
+    /// are those of ½ δ².
+    fn of(factor: &'a Factor, noise: &'a [f64], first_own: usize, delays: &[f64]) -> Self {
+        let whole = factor.dense();
+        let n = whole.ncols() - 1 - delays.len();
+        let mut rows = whole.columns(0, n + 1).into_owned();
+        rows.set_column(n, &whole.column(n + delays.len()));
+        for (j, delay) in delays.iter().enumerate() {
+            let bend = whole.column(n + j);
+            rows.column_mut(first_own + UNKNOWNS.len() * j + DELAY).axpy(*delay, &bend, 1.0);
+            rows.column_mut(n).axpy(0.5 * delay * delay, &bend, 1.0);
+        }
+        Self { factor, noise, rows }
+    }
+
+    fn sum_of_squares(&self, x: &DVector<f64>) -> f64 {
+        let n = self.rows.ncols() - 1;
+        (self.rows.columns(0, n) * x - self.rows.column(n)).norm_squared()
+    }
+}
+
 /// Fits joints and base parameters. None if rows or prior cannot be solved, or no flight has
 /// torques.
+///
+/// The measured torque is also the column of its gain, with the same noise. Least squares would
+/// take that noise for torque without motion, and shrink the torque: gains come out too large by a
+/// part of their interval that grows with the number of rows. The known variance is therefore
+/// subtracted from the normal equations (corrected least squares; Fuller, *Measurement Error
+/// Models*, 1987, ch. 2). Where flights determine a gain so badly that this leaves no information,
+/// the noise stays in.
 pub fn joint_fit(robot: &RobotModel, rows: &JointRows<'_>) -> Option<JointFit> {
+    fit(robot, rows, 1.0).or_else(|| fit(robot, rows, 0.0))
+}
+
+/// The fit with a share of the noise's variance subtracted.
+fn fit(robot: &RobotModel, rows: &JointRows<'_>, corrected: f64) -> Option<JointFit> {
+    let mut delays = vec![0.0; robot.joints.len()];
+    let mut out = None;
+    for _ in 0..ROUNDS {
+        let found = linear_fit(robot, rows, corrected, &delays)?;
+        delays = found.joints.iter().map(|j| j.delay_s.value).collect();
+        out = Some(found);
+    }
+    out
+}
+
+/// The fit with the delays' squares linearised.
+fn linear_fit(robot: &RobotModel, rows: &JointRows<'_>, corrected: f64, delays: &[f64]) -> Option<JointFit> {
     let p = rows.prior.mean.len();
     let columns = &rows.torque.first()?.columns;
-    let n = columns.len() - 1;
-    if rows.torque.iter().any(|f| f.columns != *columns) {
+    let bends = columns.effects.iter().filter(|name| name.ends_with(&format!(".{BEND}"))).count();
+    let n = columns.len() - 1 - bends;
+    if bends != delays.len()
+        || rows.torque.iter().any(|f| f.columns != *columns)
+        || rows.noise.len() != rows.torque.len()
+    {
         return None;
     }
     // effects of the base rows stand before the joints' own unknowns, laws of joints after them
@@ -190,11 +308,26 @@ pub fn joint_fit(robot: &RobotModel, rows: &JointRows<'_>) -> Option<JointFit> {
         out
     };
     let everything: &dyn Fn(&Factor) -> bool = &|_| true;
-    let (base, torque) = (sum(rows.base, base_weight, everything), sum(rows.torque, 1.0, everything));
+    let flights: Vec<Flight<'_>> =
+        rows.torque.iter().zip(rows.noise).map(|(f, noise)| Flight::of(f, noise, first_own, delays)).collect();
+    let of_torque = |keep: &dyn Fn(&Factor) -> bool| {
+        let mut out = Normal::zeros(n);
+        for flight in flights.iter().filter(|f| keep(f.factor)) {
+            out.add_rows(&flight.rows, 1.0);
+            for (j, variance) in flight.noise.iter().enumerate() {
+                let gain = first_own + UNKNOWNS.len() * j + GAIN;
+                out.matrix[(gain, gain)] -= corrected * variance;
+                out.right[gain] += corrected * variance;
+            }
+        }
+        out
+    };
+    let (base, torque) = (sum(rows.base, base_weight, everything), of_torque(everything));
     // the spread of torque rows about the base rows' answer: their scale, once and for all
     let (first, _) = prior.plus(&base, 1.0).plus(&torque, 1e-3).solve()?;
-    let all: Vec<&Factor> = rows.torque.iter().collect();
-    let (rss, count) = squares(&all, &first);
+    let left = |x: &DVector<f64>| flights.iter().map(|f| f.sum_of_squares(x)).sum::<f64>();
+    let count: usize = rows.torque.iter().map(|f| f.n_rows).sum();
+    let rss = left(&first);
     let ratio = (rss / count.max(1) as f64).sqrt();
     let unit = ratio.max(1.0).powi(-2);
 
@@ -208,20 +341,20 @@ pub fn joint_fit(robot: &RobotModel, rows: &JointRows<'_>) -> Option<JointFit> {
         names.iter().map(|n| (*n, None)).collect()
     };
     let mut tried: Vec<Tried> = Vec::new();
-    let left: Vec<(Normal, Normal, Vec<&Factor>)> = groups
+    let folds: Vec<(Normal, Normal, Vec<&Factor>)> = groups
         .iter()
         .map(|(trial, flight)| {
             let held = |f: &Factor| f.trial == *trial && flight.is_none_or(|s| s == f.stretch);
             (
                 sum(rows.base, base_weight, &|f| !held(f)),
-                sum(rows.torque, 1.0, &|f| !held(f)),
+                of_torque(&|f| !held(f)),
                 rows.base.iter().filter(|f| held(f)).collect(),
             )
         })
         .collect();
     for weight in WEIGHTS {
         let (mut total, mut count) = (0.0, 0);
-        for (base, torque, held) in &left {
+        for (base, torque, held) in &folds {
             let (x, _) = prior.plus(base, 1.0).plus(torque, weight * unit).solve()?;
             let (s, c) = squares(held, &x);
             (total, count) = (total + s, count + c);
@@ -230,12 +363,25 @@ pub fn joint_fit(robot: &RobotModel, rows: &JointRows<'_>) -> Option<JointFit> {
     }
     let best = tried.iter().min_by(|a, b| a.held_out_rms.total_cmp(&b.held_out_rms))?.weight;
     // joints: with the base rows in full weight, torque rows in their own
-    let (x, covariance) = prior.plus(&base, 1.0).plus(&torque, unit).solve()?;
-    // neighbouring windows overlap by three quarters: a row counts as a quarter, so that intervals
-    // are twice as wide as those of independent rows
-    const OVERLAP: f64 = 2.0;
-    let (rss, count) = squares(&all, &x);
-    let (inertial, inertial_covariance) = prior.plus(&base, 1.0).plus(&torque, best * unit).solve()?;
+    let everything_known = prior.plus(&base, 1.0).plus(&torque, unit);
+    let (x, _) = everything_known.solve()?;
+    let rss = left(&x);
+    let parts = |weight: f64| -> Vec<Normal> {
+        let of = |b: &Factor| {
+            let mut out = Normal::zeros(n);
+            out.add(b, base_weight);
+            out.plus(&of_torque(&|t| t.trial == b.trial && t.stretch == b.stretch), weight)
+        };
+        rows.base.iter().map(of).collect()
+    };
+    let spread = spread_of(&everything_known, &prior, &parts(unit), first_own..n)?;
+    let half_of = |at: usize| {
+        let (sd, freedom) = spread[at - first_own];
+        aloft_identify::half95(sd, freedom).unwrap_or(f64::INFINITY)
+    };
+    let of_body = prior.plus(&base, 1.0).plus(&torque, best * unit);
+    let (inertial, _) = of_body.solve()?;
+    let inertial_spread = spread_of(&of_body, &prior, &parts(best * unit), 0..p)?;
     let joints = robot
         .joints
         .iter()
@@ -243,10 +389,10 @@ pub fn joint_fit(robot: &RobotModel, rows: &JointRows<'_>) -> Option<JointFit> {
         .map(|(j, joint)| {
             let estimate = |k: usize| {
                 let at = first_own + UNKNOWNS.len() * j + k;
-                let half = 1.96 * OVERLAP * covariance[(at, at)].max(0.0).sqrt();
+                let half = half_of(at);
                 Estimate { value: x[at], ci95: [x[at] - half, x[at] + half], nominal: nominal[UNKNOWNS.len() * j + k] }
             };
-            let error = estimate(3);
+            let error = estimate(GAIN);
             let gain = |e: f64| 1.0 / (1.0 + e);
             JointEstimate {
                 name: joint.name.clone(),
@@ -265,7 +411,7 @@ pub fn joint_fit(robot: &RobotModel, rows: &JointRows<'_>) -> Option<JointFit> {
     let of_laws = first_own + UNKNOWNS.len() * robot.joints.len();
     let laws = (of_laws..n)
         .map(|at| {
-            let half = 1.96 * OVERLAP * covariance[(at, at)].max(0.0).sqrt();
+            let half = half_of(at);
             LawEstimate { name: columns.effects[at - p].clone(), value: x[at], ci95: [x[at] - half, x[at] + half] }
         })
         .collect();
@@ -276,7 +422,7 @@ pub fn joint_fit(robot: &RobotModel, rows: &JointRows<'_>) -> Option<JointFit> {
         tried,
         base_names: rows.torque[0].columns.parameters.clone(),
         base: inertial.rows(0, p).iter().copied().collect(),
-        base_sd: (0..p).map(|i| inertial_covariance[(i, i)].max(0.0).sqrt()).collect(),
+        base_sd: inertial_spread.iter().map(|s| s.0).collect(),
         torque_ratio: (rss / count.max(1) as f64).sqrt(),
         rows: count,
     })

@@ -157,8 +157,8 @@ impl RobotLog {
     /// `_deg_s` are converted.
     ///
     /// # Errors
-    /// [`RobotError::Log`] for a missing joint (with the names that come near it), a missing or
-    /// decreasing time.
+    /// [`RobotError::MissingJoint`] for a missing joint (with the names that come near it),
+    /// [`RobotError::Log`] for a missing or decreasing time.
     pub fn of(columns: &Columns, model: &RobotModel) -> Result<Self, RobotError> {
         let time_s = time_of(columns)?;
         let mut log = Self { file: columns.file.clone(), time_s, ..Self::default() };
@@ -172,14 +172,14 @@ impl RobotLog {
         if let Some(first) = missing.first() {
             let more =
                 if missing.len() > 1 { format!(" (and {} more joints)", missing.len() - 1) } else { String::new() };
-            return Err(RobotError::log(
-                &columns.file,
-                format!(
+            return Err(RobotError::MissingJoint {
+                file: columns.file.clone(),
+                problem: format!(
                     "no column for the joint `{first}`{more}, expected `q_{first}_rad`; found {}",
                     near(columns, first)
                 ),
-                format!("name the columns after the joints of {}, or fix the joint in the model", model.file),
-            ));
+                hint: format!("name the columns after the joints of {}, or fix the joint in the model", model.file),
+            });
         }
         for joint in &model.joints {
             let name = joint.name.as_str();

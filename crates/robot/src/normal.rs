@@ -17,9 +17,12 @@ impl Normal {
     }
     /// Adds the rows of a factor; its columns are the first ones.
     pub fn add(&mut self, factor: &Factor, weight: f64) {
-        let r = factor.dense();
+        self.add_rows(&factor.dense(), weight);
+    }
+    /// Adds rows `[columns | measured]`; their columns are the first ones.
+    pub fn add_rows(&mut self, r: &DMatrix<f64>, weight: f64) {
         let n = r.ncols() - 1;
-        let product = r.transpose() * &r * weight;
+        let product = r.transpose() * r * weight;
         let mut view = self.matrix.view_mut((0, 0), (n, n));
         view += product.view((0, 0), (n, n));
         let mut right = self.right.rows_mut(0, n);

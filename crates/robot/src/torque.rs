@@ -5,18 +5,20 @@
 //! carries, in a frame that falls with the body, where gravity vanishes:
 //!
 //! ```text
-//!  −∫ (ψ̇ S + ψ Ṡ)ᵀ h dt + Ia ∫ψ̈ q dt − d ∫ψ̇ q dt + c ∫ψ sgn(q̇) dt  =  (1 + κ) ∫ψ τ dt − δ ∫ψ̇ τ dt
+//!  −∫ (ψ̇ S + ψ Ṡ)ᵀ h dt + Ia ∫ψ̈ q dt − d ∫ψ̇ q dt + c ∫ψ sgn(q̇) dt
+//!      =  (1 + κ) ∫ψ τ dt − δ ∫ψ̇ τ dt + ½ δ² ∫ψ̈ τ dt
 //! ```
 //!
 //! with the torque τ at the motor's side, reflected inertia Ia, viscous friction d, Coulomb
 //! friction c, the error κ of the torque's gain and its delay δ against the encoders (a drive that
 //! holds its torque from step to step has one of half a step). As in the base's weak rows no
-//! acceleration is formed. Rows are linear in φ, Ia, d, c, κ and δ. The same regrouping into base
+//! acceleration is formed. Rows are linear in φ, Ia, d, c and κ, and quadratic in δ. The same regrouping into base
 //! parameters holds as for the base rows.
 //!
-//! Rows are weighted by constants: the torque sensor's noise and a share of the torque's own size.
-//! With gains unknown, weights taken from residuals would shrink every gain to zero.
+//! Rows are weighted by a constant, the torque sensor's noise. With gains unknown, weights taken
+//! from residuals would shrink every gain to zero.
 
+use crate::joint_evidence::{WINDOW_S, moving};
 use crate::model::RobotModel;
 use aloft_body::{BaseParameters, JointKind, Model, Motion, Phi, State};
 use aloft_effects::{EffectInstance, JointSeries, SURE_OF_SIGN, Scene, Target};
@@ -29,6 +31,9 @@ use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
 /// Names of a joint's unknowns, in the order of their columns.
 pub const UNKNOWNS: [&str; 5] = ["armature", "damping", "friction", "gain_error", "delay"];
+
+/// Last part of the name of the column of half the squared delay ([`TorqueRows::bend`]).
+pub(crate) const BEND: &str = "delay_squared";
 
 /// Share of a joint's torque (root mean square over the stretch) by which a row may be wrong in any
 /// case.
@@ -43,8 +48,10 @@ pub struct Torques<'a> {
     /// `[joint][frame]`, N·m or N, NaN where missing; joints in the order of
     /// [`RobotModel::joints`].
     pub values: &'a [Vec<f64>],
-    /// Standard deviation of one sample.
+    /// Standard deviation of one sample, as stated.
     pub sd_nm: f64,
+    /// White noise of one sample that is in the torques themselves, by joint.
+    pub white_nm: &'a [f64],
 }
 
 /// Effects of the model in the rows of torques.
@@ -58,7 +65,14 @@ pub struct TorqueEffects<'a> {
 }
 
 /// Factor of one flight from the torques of all joints; columns `[φ_B | carried | joint.armature …
-/// | laws | τ]`. Windows are as long as those of weak rows (0.6 of the flight, 0.15 to 0.4 s).
+/// | laws | joint.delay_squared … | τ]`. With it, for each joint, the sum over its rows of the variance that the torque's
+/// noise has in a row.
+///
+/// Windows are those of the evidence of joints: short ones ([`WINDOW_S`]), and only where the joint
+/// moves ([`moving`]). A joint that sticks has any torque up to its friction; in windows that hold
+/// reversals, friction is therefore smaller than the column says, at times when the rate is small.
+/// With all windows, viscous friction takes the difference, and Coulomb friction is up to a tenth
+/// too large.
 ///
 /// # Errors
 /// [`RegressorError::TooShort`] if no window fits, [`RegressorError::Numeric`] for numbers that are
@@ -68,20 +82,23 @@ pub fn torque_factor(
     base: &BaseParameters,
     source: TorqueSource<'_>,
     effects: TorqueEffects<'_>,
-) -> Result<Factor, RegressorError> {
+) -> Result<(Factor, Vec<f64>), RegressorError> {
     let stretch = source.stretch;
-    let duration_s = (stretch.end_frame - stretch.first_frame) as f64 / source.motion.rate_hz;
-    let rows = TorqueRows::of(robot, source, (0.6 * duration_s).clamp(0.15, 0.4).min(duration_s))?;
+    let rows = TorqueRows::of(robot, source, WINDOW_S)?;
     let p = base.len();
     let extra = effects.carried.len() + UNKNOWNS.len() * rows.n_joints();
     let laws: Vec<Vec<(usize, DVector<f64>)>> = effects.joints.iter().map(|e| rows.law(e)).collect();
     let wide: usize = laws.iter().map(Vec::len).sum();
-    let mut whole = DMatrix::zeros(rows.n_joints() * rows.n_windows(), p + extra + wide + 1);
+    let moving = moving(&rows);
+    let first_row: Vec<usize> = (0..rows.n_joints()).map(|j| moving[..j].iter().map(Vec::len).sum()).collect();
+    // a flight in which every joint rests keeps one row of zeros
+    let height: usize = moving.iter().map(Vec::len).sum::<usize>().max(1);
+    let mut whole = DMatrix::zeros(height, p + extra + wide + rows.n_joints() + 1);
+    let weight = (rows.sensor_sd_nm() * rows.area_s()).recip();
     for j in 0..rows.n_joints() {
-        let weight = rows.weights(j);
         let mut put = |column: usize, values: &DVector<f64>| {
-            for (w, value) in values.iter().enumerate() {
-                whole[(w * rows.n_joints() + j, column)] = weight[w] * value;
+            for (row, (w, _)) in moving[j].iter().enumerate() {
+                whole[(first_row[j] + row, column)] = weight * values[*w];
             }
         };
         let body = rows.body(j, base);
@@ -99,18 +116,23 @@ pub fn torque_factor(
                 put(p + extra + c, column);
             }
         }
-        put(p + extra + wide, &rows.measured(j));
+        put(p + extra + wide + j, &rows.bend(j));
+        put(p + extra + wide + rows.n_joints(), &rows.measured(j));
     }
     let carried = effects.carried.iter().map(|c| c.0.clone());
     let own = rows.joints.list.iter().flat_map(|j| UNKNOWNS.iter().map(move |u| format!("{}.{u}", j.name)));
     let names = effects.joints.iter().flat_map(|e| e.names(source.scene));
+    let bends = rows.joints.list.iter().map(|j| format!("{}.{BEND}", j.name));
     let columns = Columns {
         parameters: base.parameters.iter().map(|b| b.name.clone()).collect(),
-        effects: carried.chain(own).chain(names).collect(),
+        effects: carried.chain(own).chain(names).chain(bends).collect(),
         of_tables: Vec::new(),
     };
     let matrix = Mat::from_fn(whole.nrows(), whole.ncols(), |i, k| whole[(i, k)]);
-    Factor::from_rows(stretch, RowKind::Weak, columns, matrix.as_ref())
+    let factor = Factor::from_rows(stretch, RowKind::Weak, columns, matrix.as_ref())?;
+    let share = |j: usize| (source.torques.white_nm.get(j).copied().unwrap_or(0.0) / source.torques.sd_nm).powi(2);
+    let noise = moving.iter().enumerate().map(|(j, m)| share(j) * m.len() as f64).collect();
+    Ok((factor, noise))
 }
 
 /// Everything that the rows of one flight's torques are formed from.
@@ -246,6 +268,12 @@ impl TorqueRows {
             self.sums(|f, [psi, _, _]| -psi * torque[f]),
             self.sums(|f, [_, slope, _]| slope * torque[f]),
         ]
+    }
+
+    /// Column of half the square of the delay: what the first order of the delay leaves out.
+    pub fn bend(&self, j: usize) -> DVector<f64> {
+        let torque = &self.torque[j];
+        self.sums(|f, [_, _, bend]| -bend * torque[f])
     }
 
     /// Share of each window in which the joint is near rest. There its friction is that of

@@ -55,9 +55,9 @@ fn rows_vanish_for_true_inertias_friction_armature_and_gains() {
             }
         }
         let stretch = Stretch::flight("a", 0, 10, n - 10);
-        let given = Torques { values: &torques, sd_nm: 0.001 };
+        let given = Torques { values: &torques, sd_nm: 0.001, white_nm: &[0.0; 2] };
         let source = TorqueSource { scene: &scene, motion: &motion, stretch: &stretch, torques: given };
-        let factor = torque_factor(&robot, &base, source, TorqueEffects::default()).unwrap();
+        let (factor, _) = torque_factor(&robot, &base, source, TorqueEffects::default()).unwrap();
         assert_eq!(factor.columns.effects[3], "shoulder.gain_error");
         let stacked = DVector::from_iterator(30, phi.iter().flat_map(|p| p.iter().copied()));
         let mut x: Vec<f64> = (&base.from_full * stacked).iter().copied().collect();

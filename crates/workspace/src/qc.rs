@@ -64,6 +64,7 @@ macro_rules! reasons {
 reasons! {
     Excluded, "excluded", Excluded, "The pipeline leaves the trial, subject or session out, with a reason.", "See `exclude` in the pipeline.";
     UnreadableFile, "unreadable_file", Failed, "The file is damaged, empty or not a recording.", "Export or copy it again; `aloft inspect FILE` says where reading stopped.";
+    MissingJoint, "missing_joint", Failed, "The robot's log has no column for a joint of the model.", "Name the column after the joint, or fix the joint in the model file.";
     CopiedRecording, "copied_recording", Failed, "The file has the same content as another recording of the session; the same data must not count twice.", "Delete the copy, or exclude it under `trials: {exclude: …}`.";
     NoMarkers, "no_markers", Failed, "No marker of the set is in the recording.", "Choose another `marker_set`, or map labels under `import: {aliases}`.";
     TruncatedFile, "truncated_file", Failed, "File truncated: fewer than half of the declared frames are present.", "Copy it again, or set `import: {least_fraction: …}` to use what is there.";

@@ -38,14 +38,17 @@ pub(crate) fn failed(error: &RobotError) -> StageFailure {
         Some(hint) => StageFailure::with_hint(error.to_string(), hint),
         None => StageFailure::new(error.to_string()),
     }
-    .because(QcReason::UnreadableFile)
+    .because(match error {
+        RobotError::MissingJoint { .. } => QcReason::MissingJoint,
+        _ => QcReason::UnreadableFile,
+    })
 }
 
 fn columns(file: &Path) -> Result<Columns, StageFailure> {
     let shown = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("parquet")) {
         let table = read_numbers(file).map_err(|e| {
-            let hint = "Parquet is read without compression or with snappy; write the file again, or as CSV";
+            let hint = "write the file again with `compression=\"snappy\"` (`to_parquet` of pandas, `write_parquet` of polars), or as CSV";
             StageFailure::with_hint(e.to_string(), hint).because(QcReason::UnreadableFile)
         })?;
         return Columns::of(&shown, table.into_columns()).map_err(|e| failed(&e));

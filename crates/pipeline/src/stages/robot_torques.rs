@@ -10,16 +10,19 @@ use aloft_effects::{EffectInstance, Family, Scene, Target};
 use aloft_identify::{LinkPrior, Parameters};
 use aloft_regressor::{EffectColumns, Factor, Stretch};
 use aloft_robot::joint_fit::{Estimate as JointValue, JointRows, joint_fit};
+use aloft_robot::noise::white_sd;
 use aloft_robot::torque::{TorqueEffects, TorqueSource, Torques, size, torque_factor};
 use aloft_study::effects::{KnownEffects, ModelEffects};
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::Role;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::json::write_json;
+use aloft_workspace::json::{read_json, write_json};
 use nalgebra::DVector;
 
 /// Files of torque rows.
 pub(crate) const TORQUE: &str = "torque_factors";
+/// What the torque's noise adds to their gains' columns.
+const NOISE: &str = "torque_noise.json";
 /// Correlation of measured torques with those that the model needs from which a wrong unit is sure.
 const SURE: f64 = 0.5;
 /// Torques may be off by this factor before they count as another unit.
@@ -91,10 +94,17 @@ pub fn save_torque_rows(
     let known = KnownEffects::of(&model.own, &scene)?;
     let joints = laws_of_joints(&known, &scene, model)?;
     let effects = TorqueEffects { carried: &carried, joints: &joints };
-    let torques = Torques { values: &values, sd_nm: robot.description.noise.torque_nm };
+    let sd_nm = robot.description.noise.torque_nm;
+    // the stated noise may be a wide guess: the log itself shows at most how large it is
+    let white_nm: Vec<f64> =
+        values.iter().map(|t| white_sd(std::slice::from_ref(t)).map_or(sd_nm, |sd| sd.min(sd_nm))).collect();
+    let torques = Torques { values: &values, sd_nm, white_nm: &white_nm };
+    let mut noise = Vec::new();
     let (factors, _) = each_stretch(rows, |stretch| {
         let source = TorqueSource { scene: &scene, motion: &rows.motion, stretch, torques };
-        torque_factor(&robot.model, &base, source, effects)
+        let (factor, of_flight) = torque_factor(&robot.model, &base, source, effects)?;
+        noise.push(of_flight);
+        Ok(factor)
     })?;
     let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
     if let Some((slope, correlation)) = size(&robot.model, &base, &prior, &plain)
@@ -118,6 +128,7 @@ pub fn save_torque_rows(
         return Ok(());
     }
     save_named(inputs.out, TORQUE, &factors)?;
+    write_json(&inputs.out.join(NOISE), &noise)?;
     done.note("torque_rows", plain.iter().map(|f| f.n_rows).sum::<usize>());
     Ok(())
 }
@@ -135,11 +146,12 @@ pub fn fit_joints(
     widening: &[(String, f64)],
     done: &mut StageReport,
 ) -> Result<(), StageFailure> {
-    let mut torque = Vec::new();
+    let (mut torque, mut noise) = (Vec::new(), Vec::new());
     for name in inputs.trials_with_role("regressor", |role| role == Role::Identify) {
         let folder = inputs.results.place("regressor", &name)?;
         if folder.join(format!("{TORQUE}.json")).is_file() {
             torque.extend(load_named(&folder, TORQUE)?.into_iter().map(|(_, f)| f));
+            noise.extend(read_json::<Vec<Vec<f64>>>(&folder.join(NOISE))?);
         }
     }
     let base = BaseParameters::of(&subject.model);
@@ -149,6 +161,7 @@ pub fn fit_joints(
     let rows = JointRows {
         base: &plain,
         torque: &torque,
+        noise: &noise,
         base_row_sd: parameters.row_sd,
         prior: &prior,
         mass_kg: subject.facts.mass_kg,
