@@ -112,9 +112,11 @@ struct Kind {
     error: f64,
     /// Mean error in units of the stated deviation.
     bias: f64,
+    /// The figures in words.
+    words: String,
 }
 
-/// Coverage and bias of every kind, printed.
+/// Coverage and bias of every kind.
 fn coverage(seeds: std::ops::Range<u64>, recordings: usize) -> Vec<Kind> {
     let threads = 2;
     let all: Vec<[Vec<Found>; 5]> = std::thread::scope(|scope| {
@@ -127,7 +129,6 @@ fn coverage(seeds: std::ops::Range<u64>, recordings: usize) -> Vec<Kind> {
             .collect();
         parts.into_iter().flat_map(|p| p.join().unwrap()).collect()
     });
-    println!("{} robots, {} flights each", all.len(), recordings * FLIGHTS);
     let mut out = Vec::new();
     for (kind, name) in KINDS.iter().enumerate() {
         let inside = |f: &&Found| (f[0] - f[2]).abs() <= f[1];
@@ -142,16 +143,18 @@ fn coverage(seeds: std::ops::Range<u64>, recordings: usize) -> Vec<Kind> {
         let (off, size) = (mean(&|f| f[0] - f[2]), mean(&|f| f[2].abs()));
         let rms = mean(&|f| (f[0] - f[2]).powi(2)).sqrt();
         let bias = off / (mean(&|f| f[1]) / 1.96);
-        println!(
-            "{name:10} {:5.1} ± {:.1} % hold the truth; bias {:+.2} % of the size, {bias:+.2} deviations; error {:.2} %, \
+        let words = format!(
+            "{} robots, {} flights each: {name:10} {:5.1} ± {:.1} % hold the truth; bias {:+.2} % of the size, {bias:+.2} deviations; error {:.2} %, \
              interval ±{:.2} %",
+            all.len(),
+            recordings * FLIGHTS,
             100.0 * share,
             100.0 * error,
             100.0 * off / size,
             100.0 * rms / size,
             100.0 * mean(&|f| f[1]) / size
         );
-        out.push(Kind { share, error, bias });
+        out.push(Kind { share, error, bias, words });
     }
     out
 }
@@ -170,6 +173,7 @@ fn coverage_of_joints_on_a_hundred_robots() {
     let first = number("ALOFT_FIRST_SEED", 7000);
     let seeds = first..first + number("ALOFT_ROBOTS", 100);
     let found: Vec<Vec<Kind>> = [2, 4].map(|recordings| coverage(seeds.clone(), recordings)).into();
+    found.iter().flatten().for_each(|kind| println!("{}", kind.words));
     for (kind, name) in found.iter().flat_map(|of| of.iter().zip(KINDS)) {
         // delays between samples move jumps of dry friction by up to a sample
         let least = if name == "delay_s" { 0.85 } else { 0.93 };

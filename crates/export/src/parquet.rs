@@ -121,9 +121,10 @@ mod tests {
         let mut bytes = Vec::new();
         write(&frame, &mut bytes, Compression::Snappy, |_| false).unwrap();
         assert_eq!(read(bytes.clone()).unwrap(), frame);
-        // in the footer the codec follows the column's name: snappy is 1, zstd 6, as zigzag numbers
+        // in the footer the codec follows the last copy of the column's name; as zigzag numbers
+        // snappy (1) is 2 and zstd (6) is 12
         let codec = b"time_s\x15\x02";
-        let at = bytes.windows(codec.len()).position(|w| w == codec).unwrap();
+        let at = bytes.windows(codec.len()).rposition(|w| w == codec).unwrap();
         bytes[at + codec.len() - 1] = 12;
         let problem = read(bytes).unwrap_err().to_string();
         assert!(problem.contains("compressed with zstd, expected snappy or no compression"), "{problem}");

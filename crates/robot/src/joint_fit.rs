@@ -236,8 +236,8 @@ struct Flight<'a> {
 }
 
 impl<'a> Flight<'a> {
-    /// With ½ δ² = δ₀ δ − ½ δ₀² for the delay δ of each joint, of which the last columns of `factor`
-    /// are those of ½ δ².
+    /// With ½ δ² = δ₀ δ − ½ δ₀² for the delay δ of each joint; the last columns of `factor` are
+    /// those of ½ δ².
     fn of(factor: &'a Factor, noise: &'a [f64], first_own: usize, delays: &[f64]) -> Self {
         let whole = factor.dense();
         let n = whole.ncols() - 1 - delays.len();

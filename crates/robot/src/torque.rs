@@ -12,8 +12,8 @@
 //! with the torque τ at the motor's side, reflected inertia Ia, viscous friction d, Coulomb
 //! friction c, the error κ of the torque's gain and its delay δ against the encoders (a drive that
 //! holds its torque from step to step has one of half a step). As in the base's weak rows no
-//! acceleration is formed. Rows are linear in φ, Ia, d, c and κ, and quadratic in δ. The same regrouping into base
-//! parameters holds as for the base rows.
+//! acceleration is formed. Rows are linear in φ, Ia, d, c and κ, and quadratic in δ. The same
+//! regrouping into base parameters holds as for the base rows.
 //!
 //! Rows are weighted by a constant, the torque sensor's noise. With gains unknown, weights taken
 //! from residuals would shrink every gain to zero.
@@ -69,10 +69,9 @@ pub struct TorqueEffects<'a> {
 /// noise has in a row.
 ///
 /// Windows are those of the evidence of joints: short ones ([`WINDOW_S`]), and only where the joint
-/// moves ([`moving`]). A joint that sticks has any torque up to its friction; in windows that hold
-/// reversals, friction is therefore smaller than the column says, at times when the rate is small.
-/// With all windows, viscous friction takes the difference, and Coulomb friction is up to a tenth
-/// too large.
+/// moves ([`moving`]). A joint that sticks has any torque up to its friction, which no column
+/// describes: with all windows, Coulomb friction comes out too large and viscous friction too small
+/// by several per cent, and the residuals are no noise of the sensor.
 ///
 /// # Errors
 /// [`RegressorError::TooShort`] if no window fits, [`RegressorError::Numeric`] for numbers that are
