@@ -152,6 +152,11 @@ pub(crate) fn conclude(
     let left = [0, 1].map(|i| of_stages(i).or(estimates[i]));
     if let Some(staged) = &computed {
         staged.restate(&mut found);
+        // the candidate that alone was found is the same model
+        if let [only] = &found[..] {
+            let its = candidates.iter_mut().filter(|c| c.key == only.key && c.trials == only.trials);
+            its.for_each(|c| c.coefficients.clone_from(&only.coefficients));
+        }
     }
     let mut out = Discovery {
         schema: 1,

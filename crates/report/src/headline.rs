@@ -103,6 +103,12 @@ fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceE
     };
     // the other kind of motion is told of where the model is worse there
     let worse = other.filter(|o| o.light() > first.light()).and_then(|o| Some((o.place.clone(), o.ratio?)));
+    if first.at_floor && story.comparison.as_ref().is_some_and(|v| v.to_correct.as_ref().is_some_and(|c| c.first)) {
+        return format!(
+            "{} is at its noise floor in {place}, but the recordings have to be corrected first.",
+            held(story)
+        );
+    }
     if first.at_floor {
         let few = || match &story.found {
             Some(found) if !found.parameters.gate.passed => {

@@ -128,5 +128,7 @@ pub fn light(story: &Story<'_>) -> Light {
     let stale = if story.freshness.is_current() { Light::Neutral } else { Light::Poor };
     let void = story.history.revisions.last().is_some_and(|r| r.void.is_some());
     let failed = if story.failures.is_empty() && !void { Light::Neutral } else { Light::Poor };
-    [errors, gate, lost, stale, failed].into_iter().max().unwrap_or_default()
+    let correct = story.comparison.as_ref().is_some_and(|v| v.to_correct.as_ref().is_some_and(|c| c.first));
+    let correct = if correct { Light::Fair } else { Light::Neutral };
+    [errors, gate, lost, stale, failed, correct].into_iter().max().unwrap_or_default()
 }
