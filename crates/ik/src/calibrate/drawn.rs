@@ -10,6 +10,9 @@ use nalgebra::{Cholesky, DVector, Dyn, Matrix3, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
+/// For each marker of one draw: the marker whose residual it takes, and its rotation and scale.
+type Turned = Vec<Option<(usize, Matrix3<f64>)>>;
+
 impl Bundle {
     /// Draws of what may be wrong with this geometry: the linear response of the estimate to errors
     /// of the markers, drawn as those of a motion ([`crate::MarkerErrors`]), and to a prior that is
@@ -84,7 +87,7 @@ impl Bundle {
         let kept = kept_shares(&self.moving, &motion, &all);
         let size = sizes(&kept, &seen);
         let speaks: Vec<bool> = (0..n).map(|k| kept[(k, k)] >= 3.0 * SPEAKS && seen[k] > 0.0).collect();
-        let turned: Vec<Vec<Option<(usize, Matrix3<f64>)>>> = (0..DRAWS)
+        let turned: Vec<Turned> = (0..DRAWS)
             .map(|draw| {
                 let of = |k: usize| {
                     let among = donors(&self.moving, k, &speaks);
@@ -117,7 +120,7 @@ impl Bundle {
         &self,
         frame: &Frame,
         residual: &[Option<Vector3<f64>>],
-        turned: &[Vec<Option<(usize, Matrix3<f64>)>>],
+        turned: &[Turned],
         scratch: &mut Scratch,
         sums: &mut [DVector<f64>],
     ) {
