@@ -279,25 +279,31 @@ impl Bundle {
         total
     }
 
-    fn add_frame(&self, frame: &Frame, scratch: &mut Scratch, sums: &mut GeometryEquations) {
-        let problem = if frame.is_static { &self.standing } else { &self.moving };
-        let mut solver = Solver::new(problem);
+    /// The equations of a frame's posture, and in `scratch` the rotation of each link since the
+    /// static posture; none for a frame that shows too few markers.
+    pub(super) fn solver_at(&self, frame: &Frame, scratch: &mut Scratch) -> Option<Solver<'_>> {
+        let mut solver = Solver::new(if frame.is_static { &self.standing } else { &self.moving });
         solver.targets.copy_from_slice(&frame.targets);
         if !solver.look() {
-            return;
+            return None;
         }
         solver.evaluate(&frame.q);
         if !solver.prepare(&frame.q) {
-            return;
+            return None;
         }
-        // Rotation of each link since the static posture.
         for (i, turned) in scratch.turned.iter_mut().enumerate() {
             *turned = solver.pose.rotation[i] * self.present.rotation[i].transpose();
         }
+        Some(solver)
+    }
+
+    fn add_frame(&self, frame: &Frame, scratch: &mut Scratch, sums: &mut GeometryEquations) {
+        let Some(solver) = self.solver_at(frame, scratch) else { return };
         for &k in &solver.visible {
             self.columns_of(k, &frame.q, &solver, scratch);
             sums.add_point(solver.weight(k), &solver.residual[k], &scratch.columns, &scratch.motions);
         }
+        let problem = if frame.is_static { &self.standing } else { &self.moving };
         sums.eliminate_posture(&Settled { solver: &solver, locked: &problem.locked }, None);
     }
 

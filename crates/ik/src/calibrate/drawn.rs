@@ -124,18 +124,7 @@ impl Bundle {
         scratch: &mut Scratch,
         sums: &mut [DVector<f64>],
     ) {
-        let mut solver = Solver::new(&self.moving);
-        solver.targets.copy_from_slice(&frame.targets);
-        if !solver.look() {
-            return;
-        }
-        solver.evaluate(&frame.q);
-        if !solver.prepare(&frame.q) {
-            return;
-        }
-        for (i, turned) in scratch.turned.iter_mut().enumerate() {
-            *turned = solver.pose.rotation[i] * self.present.rotation[i].transpose();
-        }
+        let Some(solver) = self.solver_at(frame, scratch) else { return };
         let nv = self.moving.tree.nv;
         let mut equations = GeometryEquations::new(self.layout.size, nv);
         let mut postures: Vec<DVector<f64>> = turned.iter().map(|_| DVector::zeros(nv)).collect();
