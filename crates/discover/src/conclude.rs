@@ -83,7 +83,7 @@ pub(crate) fn conclude(
         steps.extend(addition(session, &model, &choice, options).ok());
         model.push(choice);
     }
-    let named = |r: &&Round| matches!(r.verdict, Verdict::Supported | Verdict::OneOf);
+    let named = |r: &&Round| !r.superseded && matches!(r.verdict, Verdict::Supported | Verdict::OneOf);
     let groups = groups(rounds.iter().filter(named), &found);
     let first = rounds.first().map_or(Verdict::NotDetectable, |r| r.verdict);
     let verdict = match groups.first() {

@@ -1,6 +1,7 @@
 //! Discovery rounds: rank the effects, judge the ranking, add the best, and repeat.
 
 use crate::DiscoverError;
+use crate::beside::{Several, judge_each_beside_the_others};
 use crate::candidate::{Scored, Variant};
 use crate::conclude::{RoundResults, conclude, widen_found};
 use crate::held_out::HeldOutResult;
@@ -74,6 +75,7 @@ pub fn discover(
     let mut kept: Vec<Variant<'_>> = Vec::new();
     let mut left_out: Vec<NotTried> = Vec::new();
     let mut to_come = domains.len();
+    let mut floors: Vec<(Domain, Option<AtFloor>)> = Vec::new();
     for domain in domains {
         session.counter.expect(usual * to_come);
         to_come -= 1;
@@ -305,9 +307,24 @@ pub fn discover(
                 break;
             }
         }
+        floors.push((domain, at_floor));
     }
     prune(session, accepted, &mut kept, &mut found, options);
     refit_found(session, accepted, &mut kept, &mut found, options);
+    let mut replaced = false;
+    for (domain, at_floor) in &floors {
+        let several = Several { kept: &mut kept, found: &mut found, rounds: &mut rounds };
+        let floor = at_floor.as_ref();
+        replaced |=
+            judge_each_beside_the_others(session, *domain, effects, accepted, several, has_flights, floor, options);
+    }
+    if replaced {
+        prune(session, accepted, &mut kept, &mut found, options);
+        let domain = if has_flights { Domain::Flight } else { Domain::Contact };
+        let extra = extra_columns(session, domain, accepted, &kept, &[]);
+        let joint = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight);
+        after = joint.map_or(after, |p| p.plain());
+    }
     widen_found(session, accepted, &kept, &mut found, options);
     let made = RoundResults { rounds, found, kept, left_out, errors: [before, after], has_flights };
     Ok(conclude(session, effects, accepted, made, &until, options))

@@ -12,7 +12,7 @@
 use crate::candidate::{Scored, Variant, score, solve};
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
-use crate::rank::FULL_STEPS;
+use crate::rank::{FULL_STEPS, OVERLAP};
 use crate::session::Session;
 use crate::thin::thin;
 use aloft_effects::ParameterKind;
@@ -78,6 +78,7 @@ pub(crate) fn exchange(
         None => (session, problem),
     };
     let without = problem.shifted(&signal.iter().map(|s| -s).collect::<Vec<_>>());
+    let share = true_share(&without, energy(problem, &fitted, &truth.theta), truth.variant.unknowns());
     let residual: Vec<DVector<f64>> = (0..signal.len()).map(|g| without.residual(g)).collect();
     let draws: Vec<f64> = (0..DRAWS)
         .into_par_iter()
@@ -89,11 +90,11 @@ pub(crate) fn exchange(
                 // added in other sizes
                 None if session.prior.is_some() => {
                     let size = other_size(truth, draw);
-                    signal.iter().map(|s| s * (size - 1.0)).collect()
+                    signal.iter().map(|s| s * (size * share.sqrt() - 1.0)).collect()
                 }
                 Some((variant, theta)) => {
                     let columns = variant.columns(session, problem)?;
-                    let k = energy(problem, &fitted, &truth.theta) / energy(problem, &columns, &theta);
+                    let k = share * energy(problem, &fitted, &truth.theta) / energy(problem, &columns, &theta);
                     if !(k.is_finite() && k > 0.0) {
                         return None;
                     }
@@ -105,7 +106,9 @@ pub(crate) fn exchange(
                     .collect(),
             };
             let moved = problem.shifted(&delta);
-            let (ea, eb) = (error(session, &moved, &a.variant)?, error(session, &moved, &b.variant)?);
+            let of =
+                |s: &Scored<'_>| error(session, &moved, &s.variant, turned(session, s, draw).map(|t| t.0.nonlinear));
+            let (ea, eb) = (of(a)?, of(b)?);
             Some((eb / ea).ln())
         })
         .collect();
@@ -129,6 +132,17 @@ fn other_size(truth: &Scored<'_>, draw: usize) -> f64 {
     if signed { SIGNED[draw] } else { ONE_SIGN[draw] }
 }
 
+/// Share of the sum of squares of a fitted signal that is not noise: each unknown also fits what one
+/// independent observation scatters, and an effect added with that part would be found too well.
+/// `without` is the problem after the signal was subtracted.
+fn true_share(without: &Problem, energy: f64, unknowns: usize) -> f64 {
+    /// Least share, for an effect that is hardly there.
+    const LEAST: f64 = 0.25;
+    let rows: f64 = without.clusters.iter().map(|c| c.n_rows as f64).sum();
+    let of_noise = unknowns as f64 * OVERLAP * without.rss / rows;
+    if energy > 0.0 { (1.0 - of_noise / energy).max(LEAST) } else { 1.0 }
+}
+
 /// Sum of squares of a signal with the parameters projected out.
 fn energy(problem: &Problem, columns: &[DMatrix<f64>], theta: &DVector<f64>) -> f64 {
     let (s, _) = problem.reduce_all(columns);
@@ -143,6 +157,8 @@ fn turned<'a>(session: &Session<'_>, b: &Scored<'a>, draw: usize) -> Option<(Var
     let mut theta = b.theta.clone();
     let (sin, cos) = (std::f64::consts::TAU * (draw + 1) as f64 / (DRAWS + 1) as f64).sin_cos();
     let turn = |x: f64, y: f64| (cos * x - sin * y, sin * x + cos * y);
+    /// A place nearer than this to the vertical through the middle is the same when turned, m.
+    const ON_AXIS_M: f64 = 1e-3;
     let mut changed = false;
     let centre = session.scene.volume_centre_m;
     for (i, parameter) in variant.effect.nonlinear(session.scene, variant.target).iter().enumerate() {
@@ -151,9 +167,10 @@ fn turned<'a>(session: &Session<'_>, b: &Scored<'a>, draw: usize) -> Option<(Var
             ParameterKind::VectorInWorld(0) => (0.0, 0.0),
             _ => continue,
         };
-        let (x, y) = turn(variant.nonlinear[i] - cx, variant.nonlinear[i + 1] - cy);
+        let (from_x, from_y) = (variant.nonlinear[i] - cx, variant.nonlinear[i + 1] - cy);
+        let (x, y) = turn(from_x, from_y);
         (variant.nonlinear[i], variant.nonlinear[i + 1]) = (x + cx, y + cy);
-        changed = true;
+        changed |= from_x.hypot(from_y) > ON_AXIS_M;
     }
     for (i, coefficient) in variant.coefficients.iter().enumerate() {
         if coefficient.kind.begins_vector(variant.coefficients.get(i + 1).map(|next| next.kind)) {
@@ -164,8 +181,9 @@ fn turned<'a>(session: &Session<'_>, b: &Scored<'a>, draw: usize) -> Option<(Var
     changed.then_some((variant, theta))
 }
 
-/// Held-out error of an effect on its target, fitted from its own starts.
-fn error(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>) -> Option<f64> {
+/// Held-out error of an effect on its target, fitted from its own starts and, so that it is fitted
+/// as well as it was to the recordings, from its fit there turned like the true effect.
+fn error(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>, turned: Option<Vec<f64>>) -> Option<f64> {
     let sum = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
     let at = |nonlinear: Vec<f64>| Variant { nonlinear, fitted: 0, ..variant.clone() };
     if variant.fitted == 0 {
@@ -184,7 +202,7 @@ fn error(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>) -> Opt
         .collect();
     starts.sort_by(|x, y| y.0.total_cmp(&x.0));
     let mut best: Option<(Variant<'_>, f64)> = None;
-    for (_, p) in starts.into_iter().take(2) {
+    for p in turned.into_iter().chain(starts.into_iter().take(2).map(|s| s.1)) {
         if let Some(found) = improve(session, problem, &at(p), 8)
             && best.as_ref().is_none_or(|b| found.1 > b.1)
         {

@@ -100,10 +100,10 @@ pub(crate) fn sharpened(
 
 /// Removes effects that later ones made redundant, for example a compromise found first when two
 /// effects were at work.
-pub(crate) fn prune(
+pub(crate) fn prune<'a>(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],
-    kept: &mut Vec<Variant<'_>>,
+    kept: &mut Vec<Variant<'a>>,
     found: &mut Vec<Found>,
     options: &DiscoverOptions,
 ) {
@@ -115,22 +115,23 @@ pub(crate) fn prune(
         Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok().map(|p| p.plain())
     };
     while kept.len() > 1 {
-        let mut least: Option<(usize, f64)> = None;
+        let mut least: Option<(f64, Vec<Variant<'a>>, Vec<Found>)> = None;
         for i in 0..kept.len() - 1 {
             let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
             let (mut fewer, mut fewer_found) = (kept.clone(), found.clone());
             fewer.remove(i);
             fewer_found.remove(i);
+            // the others were fitted beside it, and can take its share
+            refit(session, accepted, &mut fewer, &mut fewer_found, options);
             if let (Some(with), Some(without)) = (error(kept, found, domain), error(&fewer, &fewer_found, domain)) {
                 let loss = (without / with).sqrt();
-                if loss < LOSS && least.is_none_or(|l| loss < l.1) {
-                    least = Some((i, loss));
+                if loss < LOSS && least.as_ref().is_none_or(|l| loss < l.0) {
+                    least = Some((loss, fewer, fewer_found));
                 }
             }
         }
-        let Some((i, _)) = least else { break };
-        kept.remove(i);
-        found.remove(i);
+        let Some((_, fewer, fewer_found)) = least else { break };
+        (*kept, *found) = (fewer, fewer_found);
     }
 }
 
@@ -150,12 +151,25 @@ pub(crate) fn to_build_on<'s, 'a>(
     Some(if clearly { best } else { first })
 }
 
-/// Fits all effects found together: each beside the others as they are by then, in turn, as long as
-/// the joint error falls.
-pub(crate) fn refit_found<'a>(
+/// Fits all effects found together, if there are several.
+pub(crate) fn refit_found(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],
-    kept: &mut [Variant<'a>],
+    kept: &mut [Variant<'_>],
+    found: &mut [Found],
+    options: &DiscoverOptions,
+) {
+    if kept.len() > 1 {
+        refit(session, accepted, kept, found, options);
+    }
+}
+
+/// Fits effects together: each beside the others as they are by then, in turn, as long as the joint
+/// error falls.
+fn refit(
+    session: &Session<'_>,
+    accepted: &[EffectInstance<'_>],
+    kept: &mut [Variant<'_>],
     found: &mut [Found],
     options: &DiscoverOptions,
 ) {
@@ -163,12 +177,9 @@ pub(crate) fn refit_found<'a>(
     const ROUNDS: usize = 6;
     /// Ratio of errors (mean square) above which a further round is not worth its time.
     const ENOUGH: f64 = 0.99;
-    if kept.len() < 2 {
-        return;
-    }
     let domain_of = |v: &Variant<'_>| if v.effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
-    let whole = |kept: &[Variant<'a>], domain| extra_columns(session, domain, accepted, kept, &[]);
-    let error = |kept: &[Variant<'a>]| {
+    let whole = |kept: &[Variant<'_>], domain| extra_columns(session, domain, accepted, kept, &[]);
+    let error = |kept: &[Variant<'_>]| {
         let domains: Vec<Domain> = kept.iter().map(domain_of).collect();
         let of = |domain| {
             if !domains.contains(&domain) {

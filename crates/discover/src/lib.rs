@@ -16,6 +16,7 @@
 //! | ranking | `placebo` | effects without physical basis |
 //! | judgement | `discover`, `ladder`, `pairs` | rounds, pruning, pairs of effects |
 //! | beyond the catalogue | `laws` | where and how an unexplained error acts, and by which law |
+//! | judgement | `beside` | several effects, each judged again beside the others |
 //! | judgement | `judge`, `exchange` | accepted effects, effects that cannot be told apart |
 //! | joints | `joints` | laws of a robot's joints, from what held-out flights leave in their torques |
 //! | judgement | `words` | the result in words |
@@ -55,6 +56,7 @@
 //! [`aloft_effects::columns`], stored in the factors, and `Factor::with_effects` picks them.
 
 mod addition;
+mod beside;
 mod beyond;
 mod by_stages;
 mod candidate;

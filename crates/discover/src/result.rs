@@ -232,6 +232,10 @@ pub struct Round {
     /// Number of the named effects that are missing at least: one, or two of a pair.
     #[serde(default)]
     pub missing: usize,
+    /// True if the effects that joined the model were judged again beside all others found, each in
+    /// a round of its own.
+    #[serde(default)]
+    pub superseded: bool,
     /// Reason, in words.
     pub words: String,
     /// The best effect against every other accepted one.

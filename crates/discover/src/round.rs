@@ -14,7 +14,7 @@ use crate::rivals::{Rival, rivals};
 use crate::session::Session;
 use crate::statistics::{ratio_interval, resamples};
 use crate::wording;
-use aloft_effects::{Effect, Target};
+use aloft_effects::{Effect, Family, Target};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -22,6 +22,9 @@ use rayon::prelude::*;
 /// error.
 const NEAR_FLOOR: f64 = 2.0;
 const STRONG: f64 = 0.70;
+/// Largest share of the error that an effect of a later round may leave; one that gains less would
+/// be dropped again beside the others.
+const SMALLEST_SECOND: f64 = 0.97;
 
 /// True if the options ask for an effect.
 pub(crate) fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {
@@ -119,9 +122,19 @@ pub(crate) fn run_round<'a>(
     let near_floor = session.prior.is_some()
         && problem.domain == Domain::Flight
         && at_floor.is_some_and(|f| f.times(plain) < NEAR_FLOOR);
+    // The errors of a rigid body do not repeat, so that a small second effect beside those found is
+    // accepted if it gains twice as much as one in a hundred would by chance.
+    let second = !first_round && session.prior.is_none() && problem.domain == Domain::Flight;
+    let sharper = if second && clusters >= MANY_CLUSTERS && null_quantiles[0].is_finite() {
+        null_quantiles[0].powi(2).min(SMALLEST_SECOND)
+    } else {
+        0.0
+    };
     let limit_for = |effect: &dyn Effect| {
         let limit = limit(effect, first_round, options);
-        if near_floor && !effect.about().by_group { limit.min(STRONG) } else { limit }
+        let limit = if near_floor && !effect.about().by_group { limit.min(STRONG) } else { limit };
+        let small = if effect.about().family == Family::Forces { sharper } else { 0.0 };
+        threshold.min(limit).max(small)
     };
     let plain_errors: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
     let weights = resamples(problem.folds.len(), options.resamples, options.seed ^ 0x5eed);
@@ -141,7 +154,7 @@ pub(crate) fn run_round<'a>(
             let believed = !few
                 && !score.placebo
                 && plausible
-                && ratio < threshold.min(limit_for(score.effect))
+                && ratio < limit_for(score.effect)
                 && ci95[1] < 1.0
                 && score.mean_square(problem) < placebo
                 && !is_trivial(session, problem, score.mean_square(problem));
@@ -153,11 +166,11 @@ pub(crate) fn run_round<'a>(
                 class: score.effect.about().class.to_owned(),
                 judged_on: wording::domain(problem.domain).to_owned(),
                 held_out_ratio: ratio,
-                accepted_below: threshold.min(limit_for(score.effect)),
+                accepted_below: limit_for(score.effect),
                 ci95,
                 chosen_share: *share,
                 family_wise_p: (beaten + 1) as f64 / (null.len() + 1) as f64,
-                minimum_detectable: minimum_detectable(problem, best, best_square, threshold),
+                minimum_detectable: minimum_detectable(problem, best, best_square, threshold.max(sharper)),
                 coefficients,
                 nonlinear,
                 trials: group_names(session, best),
@@ -204,19 +217,20 @@ pub(crate) fn run_round<'a>(
         effect.map_or(options.belief, limit_for)
     };
     let limits: Vec<&str> = rival_tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.as_str()).collect();
-    let words = wording::round(verdict, &effects, &limits, &candidates, threshold, limit_of, few);
+    let words = wording::round(verdict, &effects, &limits, &candidates, limit_of, few);
     let round = Round {
         judged_on: wording::domain(problem.domain).to_owned(),
         model,
         held_out_error: plain.sqrt() * session.unit[0],
         held_out_parts: parts(session, problem),
-        threshold,
+        threshold: threshold.max(sharper),
         null_quantiles,
         clusters,
         verdict,
         effects,
         joined: Vec::new(),
         missing: 0,
+        superseded: false,
         words,
         rival_tests,
         candidates,

@@ -3,7 +3,7 @@
 use crate::held_out::HeldOutResult;
 use crate::laws::{OpenWorld, WHOLE_BODY};
 use crate::problem::Domain;
-use crate::result::{Candidate, Discovery, Estimate, FEWEST_CLUSTERS, MANY_CLUSTERS, Verdict};
+use crate::result::{Candidate, Discovery, Estimate, FEWEST_CLUSTERS, MANY_CLUSTERS, Round, Verdict};
 use aloft_effects::{About, Effect, EffectKind};
 use aloft_identify::half_of;
 
@@ -61,7 +61,6 @@ pub(crate) fn round(
     effects: &[String],
     limits: &[&str],
     candidates: &[Candidate],
-    threshold: f64,
     limit: impl Fn(&Candidate) -> f64,
     few: bool,
 ) -> String {
@@ -90,11 +89,16 @@ pub(crate) fn round(
             if verdict == Verdict::NotDetectable { "not detectable" } else { "nothing missing" },
             b.key,
             100.0 * b.held_out_ratio,
-            disbelief(b, threshold.min(limit(b)), candidates),
+            disbelief(b, limit(b), candidates),
             if few { " (fewer than six flights or trials: too few to name an effect)" } else { "" },
         ),
         _ => "no effect could be tried".to_owned(),
     }
+}
+
+/// A round in which an effect was judged beside the others found.
+pub(crate) fn beside(round: &Round) -> String {
+    if round.model.is_empty() { round.words.clone() } else { format!("beside {} {}", list(&round.model), round.words) }
 }
 
 /// A round in which two effects together explain as much as those named; `joins` if the two join
@@ -198,7 +202,7 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> Strin
     let said: Vec<&str> = d
         .rounds
         .iter()
-        .filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf))
+        .filter(|r| !r.superseded && matches!(r.verdict, Verdict::Supported | Verdict::OneOf))
         .map(|r| r.words.as_str())
         .collect();
     let mut text = if said.is_empty() {
