@@ -285,7 +285,8 @@ mod tests {
             .build()
             .unwrap();
         let text = inspected("walk.c3d", &file.to_bytes().unwrap());
-        let said: Vec<&str> = text.lines().filter(|l| l.contains("missing in") || l.contains("gaps too long")).collect();
+        let said: Vec<&str> =
+            text.lines().filter(|l| l.contains("missing in") || l.contains("gaps too long")).collect();
         assert_eq!(said, ["warning: 3 gaps too long to fill in 3 markers: LASI, RASI, SACR"], "{text}");
     }
 }

@@ -1,8 +1,8 @@
 //! `inspect --values`: the values of markers, plates, computed points and analog channels of a
 //! file.
 
-use aloft_c3d::C3dFile;
 use crate::inspect::read_contents;
+use aloft_c3d::C3dFile;
 use aloft_study::nearest::hint;
 use aloft_study::quote;
 use aloft_trial::Trial;

@@ -22,6 +22,8 @@ const FRAMES: usize = 7;
 const FIRST: usize = 3;
 /// Error of the body from which exchanges are looked for, m.
 const FAILS_M: f64 = 0.020;
+/// Share of the error in the first frame above which an exchange is not tried on the others.
+const PROMISING: f64 = 0.8;
 /// An exchange has to leave less than this share of the error …
 const SHARE: f64 = 0.6;
 /// … and several together less than this.
@@ -65,9 +67,14 @@ pub(crate) fn exchange_between(subject: &Subject, trial: &Trial, within: &[Label
     let candidates = candidates(subject, &problem);
     let (mut best, mut left) = (same.clone(), before_m);
     for _ in 0..ROUNDS {
+        let one = error(&problem, &options, &places, &best, 1)?;
         let first = error(&problem, &options, &places, &best, FIRST)?;
         let tried = candidates.iter().filter_map(|pairs| {
             let permuted = exchanged(&best, pairs);
+            // most are ruled out by one frame
+            if error(&problem, &options, &places, &permuted, 1)? > PROMISING * one {
+                return None;
+            }
             let after = error(&problem, &options, &places, &permuted, FIRST)?;
             (after < SHARE * first).then_some((after, permuted))
         });
@@ -124,11 +131,8 @@ fn error(
     let mut single = Single::new(problem, options);
     // frames from all over the trial, also where only some are used
     let step = places.len().div_ceil(most).max(1);
-    let mut all: Vec<f64> = places
-        .iter()
-        .step_by(step)
-        .filter_map(|place| single.error(|i| place[permuted[i]]))
-        .collect();
+    let mut all: Vec<f64> =
+        places.iter().step_by(step).filter_map(|place| single.error(|i| place[permuted[i]])).collect();
     upper_median(&mut all)
 }
 

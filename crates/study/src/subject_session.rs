@@ -12,7 +12,8 @@ use crate::place::error_at_key;
 use crate::possible;
 use crate::quote;
 use crate::recordings::{
-    SessionId, base_beside, bids_beside, fold, globs, logs_below, markers_beside, recordings_below, stem_of, trial_names,
+    SessionId, base_beside, bids_beside, fold, globs, logs_below, markers_beside, recordings_below, stem_of,
+    trial_names,
 };
 use crate::robot::RobotSetup;
 use aloft_body::ModelSpec;
