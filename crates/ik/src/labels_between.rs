@@ -1,10 +1,10 @@
 //! Labels that a whole trial has on markers of another segment (left for right, knee for ankle), or
 //! exchanged on a segment with too few markers for its shape to tell.
 //!
-//! Each segment may keep its shape, because left and right are mirror images; but the body no longer
-//! fits: joints come apart, or turn beyond their ranges. Some frames are fitted with the labels as
-//! they are. Only where that fails, exchanges are tried, and the one is taken that makes the whole
-//! body fit.
+//! Each segment may keep its shape, because left and right are mirror images; but the body no
+//! longer fits: joints come apart, or turn beyond their ranges. Some frames are fitted with the
+//! labels as they are. Only where that fails, exchanges are tried, and the one is taken that makes
+//! the whole body fit.
 
 use crate::IkOptions;
 use crate::labels::LabelExchange;
