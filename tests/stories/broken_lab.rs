@@ -1,7 +1,7 @@
 //! A laboratory with many broken files: one clear line for each, exit code 1, and every intact
 //! trial is processed.
 
-use crate::support::{aloft, expect, folder, json, lab, repo, root};
+use crate::support::{aloft, expect, folder, json, lab, repo, root, unwrapped};
 use std::fs;
 
 #[test]
@@ -275,4 +275,31 @@ fn a_workspace_that_is_somebody_elses_folder_is_left_alone() {
     assert_eq!(output.status.code(), Some(2));
     assert_eq!(fs::read_to_string(theirs.join("chapter1.txt")).unwrap(), "precious");
     assert_eq!(fs::read_dir(&theirs).unwrap().count(), 1);
+}
+
+/// `check` says that all is well only where `run` can begin.
+#[test]
+fn recordings_with_too_few_markers_of_the_set_are_refused_by_check_and_run_alike() {
+    let dir = folder();
+    let data = dir.path().join("data");
+    fs::create_dir(&data).unwrap();
+    for name in ["static", "jump01", "jump02"] {
+        let bytes = fs::read(repo(&format!("fixtures/human_twin/{name}.c3d"))).unwrap();
+        let mut file = aloft_c3d::C3dFile::from_bytes(&bytes).unwrap();
+        for (i, point) in file.points.iter_mut().enumerate().filter(|(i, _)| i % 4 != 0) {
+            point.label = format!("X{i}");
+        }
+        fs::write(data.join(format!("{name}.c3d")), file.to_bytes().unwrap()).unwrap();
+    }
+    fs::copy(repo("fixtures/human_twin/subject.yaml"), data.join("subject.yaml")).unwrap();
+    let pipeline = dir.path().join("aloft.yaml").display().to_string();
+    let (_, err) = expect(&["init", &data.display().to_string(), "--out", &pipeline], 0);
+    assert!(err.contains("no marker set fits"), "{err}");
+    let ws = dir.path().join("ws").display().to_string();
+    for command in ["check", "run"] {
+        let said = aloft(&[command, &pipeline, "--workspace", &ws]);
+        assert_eq!(said.status.code(), Some(1), "{command}");
+        let all = unwrapped(&[said.stdout, said.stderr].concat());
+        assert!(all.contains("of 35 markers of the set `plug-in-gait-35`"), "{command}: {all}");
+    }
 }

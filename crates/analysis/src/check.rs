@@ -4,7 +4,7 @@ mod findings;
 
 pub use self::findings::Finding;
 
-use self::findings::{Remark, findings};
+pub(crate) use self::findings::{Remark, findings};
 use crate::corrections::{Offer, offers};
 use crate::session_check::{SessionCheck, session_check};
 use aloft_pipeline::corrected::refuse_unknown_plates;
@@ -12,7 +12,7 @@ use aloft_pipeline::graph::Recording;
 use aloft_pipeline::made::as_made;
 use aloft_pipeline::recording::{abridged, read_recording};
 use aloft_pipeline::stages::filter::low_pass;
-use aloft_pipeline::stages::import::holds_enough;
+use aloft_pipeline::stages::import::{fits_enough, holds_enough};
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::{QualityOptions, Severity, apply_marker_set, assess};
 use aloft_workspace::error::PipelineError;
@@ -172,8 +172,15 @@ fn read_one(session: &SubjectSession, entry: &TrialEntry, row: &mut CheckRow) ->
     row.rate_hz = Some(trial.markers.rate_hz);
     row.markers = format!("{}/{}", matched.present.len(), matched.present.len() + matched.missing.len());
     row.plates = Some(trial.plates.len());
-    row.broken = matched.present.is_empty() || quality.reasons.iter().any(|r| r.severity() == Severity::Unusable);
+    row.broken = quality.reasons.iter().any(|r| r.severity() == Severity::Unusable);
     let mut remarks = Vec::new();
+    if let Err(e) = fits_enough(&session.marker_set, &Recording::of(entry), &trial, &matched) {
+        row.broken = true;
+        let hint = e.hint.map_or(String::new(), |h| format!("; hint: {h}"));
+        let path = entry.file.display().to_string();
+        // what is missing is in this sentence already
+        return Ok(vec![Remark::Broken { problem: format!("{}{hint}", e.problem), path }]);
+    }
     if entry.role.is_dynamic()
         && let Err(e) = low_pass(&session.config.filter).describe(trial.markers.rate_hz)
     {

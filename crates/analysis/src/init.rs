@@ -18,7 +18,7 @@ use aloft_study::catalog;
 use aloft_study::data_set::guess_subjects;
 use aloft_study::opencap;
 use aloft_study::quote;
-use aloft_study::recordings::{is_bids, recordings_below};
+use aloft_study::recordings::{is_bids, recordings_below, trial_names};
 use aloft_trial::Trial;
 use aloft_workspace::error::PipelineError;
 use nalgebra::Vector3;
@@ -101,7 +101,12 @@ pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<
         true => subjects::chosen(folder, seen, options)?,
         false => (seen, Vec::new()),
     };
-    let (seen, strays) = one_laboratory(folder, seen)?;
+    let (mut seen, strays) = one_laboratory(folder, seen)?;
+    if one {
+        let paths: Vec<&Path> = seen.iter().map(|s| Path::new(s.relative.as_str())).collect();
+        let names = trial_names(&paths);
+        seen.iter_mut().zip(names).for_each(|(s, name)| s.stem = name);
+    }
     if one && !options.one_subject {
         bodies::one_body(folder, &seen)?;
     }

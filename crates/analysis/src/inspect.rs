@@ -1,13 +1,14 @@
 //! `inspect`: the contents of a recording, and problems in it.
 
+use crate::check::{Remark, findings};
 use aloft_c3d::C3dFile;
-use aloft_pipeline::recording::{abridged, read_file};
+use aloft_pipeline::recording::{abridged, read_file, unreadable};
 use aloft_signal::residual_analysis::{ResidualAnalysis, residual_analysis};
 use aloft_signal::{CutoffCorrection, LowPass};
 use aloft_study::catalog;
 use aloft_study::config::FilterConfig;
-use aloft_trial::{ImportOptions, MarkerSet, QualityOptions, assess, recognise};
-use aloft_workspace::error::PipelineError;
+use aloft_trial::{ImportOptions, MarkerSet, QualityOptions, Trial, assess, recognise};
+use aloft_workspace::error::{PipelineError, StageFailure};
 use serde::Serialize;
 use std::path::Path;
 
@@ -32,6 +33,8 @@ pub struct Inspection {
     pub plates: Vec<PlateLine>,
     /// Analog channels (C3D).
     pub analogs: Vec<String>,
+    /// Rate of the analog channels, Hz.
+    pub analog_rate_hz: Option<f64>,
     /// Events.
     pub events: Vec<aloft_trial::Event>,
     /// Winter's residual analysis: what a low-pass filter at each cut-off would remove from all
@@ -41,6 +44,8 @@ pub struct Inspection {
     pub marker_sets: Vec<(String, f64)>,
     /// Warnings.
     pub warnings: Vec<String>,
+    /// The same by kind, one line each.
+    pub findings: Vec<String>,
 }
 
 /// One marker.
@@ -67,27 +72,59 @@ pub struct PlateLine {
     pub peak_vertical_n: f64,
 }
 
+/// What a file holds, for looking at it: a recording, or a file without any marker, such as plates
+/// or EMG alone (C3D), or ground reactions (MOT, STO). C3D files come with the parsed file.
+pub(crate) fn read_contents(name: &str, file: &Path) -> Result<(Trial, Option<C3dFile>), PipelineError> {
+    let options = ImportOptions::default();
+    let request = |f: StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
+    let damaged = |e: aloft_trial::TrialError| request(unreadable(name, file, &e));
+    let is = |ending: &str| file.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    let bytes = || std::fs::read(file).map_err(PipelineError::io("read", file));
+    if is("mot") || is("sto") {
+        let text = String::from_utf8_lossy(&bytes()?).into_owned();
+        return Ok((Trial::contents_of_mot(name, &text, &options).map_err(damaged)?, None));
+    }
+    if !is("trc")
+        && !aloft_study::recordings::is_bids(file)
+        && let Ok(c3d) = C3dFile::from_bytes(&bytes()?)
+    {
+        return Ok((Trial::contents_of_c3d(name, &c3d, &options).map_err(damaged)?, Some(c3d)));
+    }
+    Ok((read_file(name, file, None, &options).map_err(request)?, None))
+}
+
 /// Reads the file and examines its contents.
 pub fn inspect(file: &Path) -> Result<Inspection, PipelineError> {
     let name = aloft_study::recordings::stem_of(file);
-    let trial = read_file(&name, file, None, &ImportOptions::default())
-        .map_err(|f| PipelineError::Request { problem: f.problem, hint: f.hint })?;
-    let analogs = if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {
-        let bytes = std::fs::read(file).map_err(PipelineError::io("read", file))?;
-        C3dFile::from_bytes(&bytes).map(|f| f.analogs.into_iter().map(|a| a.label).collect()).unwrap_or_default()
-    } else {
-        Vec::new()
-    };
+    let (trial, c3d) = read_contents(&name, file)?;
     let quality = assess(&trial, None, &[], &[], &QualityOptions::default());
     let sets: Vec<MarkerSet> = catalog::all("markersets")?;
-    let mut warnings: Vec<String> = trial.warnings.iter().map(ToString::to_string).collect();
-    warnings.extend(quality.reasons.iter().map(ToString::to_string));
+    let mut remarks: Vec<Remark> = trial.warnings.iter().cloned().map(Remark::Import).collect();
+    if trial.markers.labels.is_empty() {
+        let words = "no labelled marker: there is nothing here that the other commands could use";
+        remarks.push(Remark::Other(words.to_owned()));
+    } else {
+        remarks.extend(quality.reasons.iter().cloned().map(Remark::Quality));
+    }
+    let (analogs, analog_rate_hz) = c3d.map_or((Vec::new(), None), |f| {
+        let rate = (!f.analogs.is_empty()).then_some(f.analog_rate_hz);
+        (f.analogs, rate)
+    });
+    // without markers the longest series says how long the recording is
+    let seconds = |n: usize, rate_hz: f64| if rate_hz > 0.0 { n as f64 / rate_hz } else { 0.0 };
+    let duration_s = trial
+        .plates
+        .iter()
+        .map(|p| seconds(p.force_n.len(), p.rate_hz))
+        .chain(analogs.iter().map(|a| seconds(a.values.len(), analog_rate_hz.unwrap_or(0.0))))
+        .filter(|_| trial.markers.labels.is_empty())
+        .fold(quality.duration_s.max(0.0), f64::max);
     Ok(Inspection {
         version: 1,
         file: file.display().to_string(),
         frames: trial.markers.n_frames,
         rate_hz: trial.markers.rate_hz,
-        duration_s: quality.duration_s,
+        duration_s,
         markers: quality
             .markers
             .iter()
@@ -108,16 +145,18 @@ pub fn inspect(file: &Path) -> Result<Inspection, PipelineError> {
                 peak_vertical_n: p.force_n.iter().map(|f| f.z).filter(|f| f.is_finite()).fold(0.0, f64::max),
             })
             .collect(),
-        analogs,
+        analogs: analogs.into_iter().map(|a| a.label).collect(),
+        analog_rate_hz,
         events: trial.events.clone(),
         residual_analysis: residuals(&trial),
         marker_sets: recognise(&trial, &sets),
-        warnings,
+        warnings: remarks.iter().map(ToString::to_string).collect(),
+        findings: findings([(name.as_str(), remarks.as_slice())].into_iter()).into_iter().map(|f| f.text).collect(),
     })
 }
 
 /// Winter's residual analysis over the coordinates of all markers.
-fn residuals(trial: &aloft_trial::Trial) -> Option<ResidualAnalysis> {
+fn residuals(trial: &Trial) -> Option<ResidualAnalysis> {
     let rate = trial.markers.rate_hz;
     let channels: Vec<Vec<f64>> = trial
         .markers
@@ -142,9 +181,15 @@ const NUMBERS: usize = 7;
 
 /// The inspection as text; the table of cut-offs takes no more than `width` columns.
 pub fn to_text(i: &Inspection, width: usize) -> String {
-    let mut lines = vec![format!("{}: {} frames at {} Hz ({:.2} s)", i.file, i.frames, i.rate_hz, i.duration_s)];
     let labels: Vec<String> = i.markers.iter().map(|m| m.label.clone()).collect();
-    lines.push(format!("markers: {} ({})", labels.len(), abridged(&labels)));
+    let mut lines = if labels.is_empty() {
+        vec![format!("{}: no markers ({:.2} s)", i.file, i.duration_s)]
+    } else {
+        vec![
+            format!("{}: {} frames at {} Hz ({:.2} s)", i.file, i.frames, i.rate_hz, i.duration_s),
+            format!("markers: {} ({})", labels.len(), abridged(&labels)),
+        ]
+    };
     for m in i.markers.iter().filter(|m| m.present < 1.0) {
         lines.push(format!("  {}: seen in {:.1} % of the frames, {} gaps", m.label, 100.0 * m.present, m.gaps));
     }
@@ -155,7 +200,8 @@ pub fn to_text(i: &Inspection, width: usize) -> String {
         lines.push(format!("plate {}: {} Hz, largest vertical force {:.0} N", p.name, p.rate_hz, p.peak_vertical_n));
     }
     if !i.analogs.is_empty() {
-        lines.push(format!("analog channels: {} ({})", i.analogs.len(), abridged(&i.analogs)));
+        let rate = i.analog_rate_hz.map_or(String::new(), |r| format!(" at {r} Hz"));
+        lines.push(format!("analog channels: {}{rate} ({})", i.analogs.len(), abridged(&i.analogs)));
     }
     for e in &i.events {
         lines.push(format!("event at {:.3} s: {} {}", e.time_s, e.context, e.label));
@@ -184,6 +230,63 @@ pub fn to_text(i: &Inspection, width: usize) -> String {
     if let Some((name, score)) = i.marker_sets.first().filter(|(_, s)| *s > 0.3) {
         lines.push(format!("marker set: most like `{name}` (fit {score:.2} of 1)"));
     }
-    lines.extend(i.warnings.iter().map(|w| format!("warning: {w}")));
+    lines.extend(i.findings.iter().map(|w| format!("warning: {w}")));
     lines.join("\n")
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+mod tests {
+    use super::*;
+    use aloft_c3d::C3dBuilder;
+
+    fn inspected(name: &str, bytes: &[u8]) -> String {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        to_text(&inspect(&path).unwrap(), 100)
+    }
+
+    #[test]
+    fn a_file_with_forces_alone_is_shown() {
+        let mot = "forces\nversion=1\nnRows=3\nnColumns=7\nendheader\n\
+                   time\tground_force_vx\tground_force_vy\tground_force_vz\tground_force_px\tground_force_py\tground_force_pz\n\
+                   2.00\t1\t600\t2\t0.1\t0\t0.2\n2.01\t1\t610\t2\t0.1\t0\t0.2\n2.02\t1\t605\t2\t0.1\t0\t0.2\n";
+        let text = inspected("grf.mot", mot.as_bytes());
+        assert!(text.contains("no markers (0.03 s)"), "{text}");
+        assert!(text.contains("largest vertical force 610 N"), "{text}");
+    }
+
+    #[test]
+    fn a_file_with_channels_alone_is_shown_and_has_values() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("emg.c3d");
+        let emg = (0..2000).map(|i| f64::from(i % 7)).collect::<Vec<f64>>();
+        let built = C3dBuilder::new(100.0).analog_rate_hz(1000.0).analog("GASL", "V", emg).build().unwrap();
+        std::fs::write(&path, built.to_bytes().unwrap()).unwrap();
+        let text = to_text(&inspect(&path).unwrap(), 100);
+        assert!(text.contains("no markers (2.00 s)"), "{text}");
+        assert!(text.contains("analog channels: 1 at 1000 Hz (GASL)"), "{text}");
+        let table = crate::inspect_values::values(&path, &["GASL".to_owned()]).unwrap();
+        assert_eq!(table.to_csv().lines().nth(4), Some("4,0.003,3"));
+        let none = crate::inspect_values::values(&path, &[]).unwrap_err();
+        assert!(matches!(none, PipelineError::Request { hint: Some(h), .. } if h.contains("--values GASL")));
+    }
+
+    #[test]
+    fn many_absences_are_one_line() {
+        let hidden = |from: usize| -> Vec<[f32; 3]> {
+            (0..100).map(|f| if f < from { [f32::NAN; 3] } else { [1.0, 2.0, 1000.0] }).collect()
+        };
+        let file = C3dBuilder::new(100.0)
+            .marker("LASI", hidden(40))
+            .marker("RASI", hidden(50))
+            .marker("SACR", hidden(60))
+            .build()
+            .unwrap();
+        let text = inspected("walk.c3d", &file.to_bytes().unwrap());
+        let said: Vec<&str> =
+            text.lines().filter(|l| l.contains("missing in") || l.contains("gaps too long")).collect();
+        assert_eq!(said, ["warning: 3 gaps too long to fill in 3 markers: LASI, RASI, SACR"], "{text}");
+    }
 }

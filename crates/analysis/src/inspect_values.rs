@@ -1,10 +1,11 @@
 //! `inspect --values`: the values of markers, plates, computed points and analog channels of a
 //! file.
 
+use crate::inspect::read_contents;
 use aloft_c3d::C3dFile;
-use aloft_pipeline::recording::read_file;
 use aloft_study::nearest::hint;
-use aloft_trial::{ImportOptions, Trial};
+use aloft_study::quote;
+use aloft_trial::Trial;
 use aloft_workspace::error::PipelineError;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -96,14 +97,7 @@ fn items(trial: &Trial, c3d: Option<&C3dFile>) -> Vec<Item> {
 /// The file cannot be read; a name that it does not have; names with different rates.
 pub fn values(file: &Path, names: &[String]) -> Result<Values, PipelineError> {
     let name = aloft_study::recordings::stem_of(file);
-    let trial = read_file(&name, file, None, &ImportOptions::default())
-        .map_err(|f| PipelineError::Request { problem: f.problem, hint: f.hint })?;
-    let c3d = if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {
-        let bytes = std::fs::read(file).map_err(PipelineError::io("read", file))?;
-        C3dFile::from_bytes(&bytes).ok()
-    } else {
-        None
-    };
+    let (trial, c3d) = read_contents(&name, file)?;
     let shown = file.display().to_string();
     let all = items(&trial, c3d.as_ref());
     let mut chosen: Vec<&Item> = Vec::new();
@@ -122,9 +116,13 @@ pub fn values(file: &Path, names: &[String]) -> Result<Values, PipelineError> {
         chosen.push(found);
     }
     let Some(first) = chosen.first() else {
+        let example = all.first().map_or("FP1", |i| i.label.as_str());
         return Err(PipelineError::request_hint(
             format!("{shown} has no markers"),
-            "name a plate or a channel: `--values FP1`; `aloft inspect` lists them",
+            format!(
+                "name a plate or a channel: `{}`; `aloft inspect` lists them",
+                quote::line(quote::option("values", example))
+            ),
         ));
     };
     if let Some(other) = chosen.iter().find(|i| (i.rate_hz - first.rate_hz).abs() > 1e-6) {
@@ -145,6 +143,11 @@ pub fn values(file: &Path, names: &[String]) -> Result<Values, PipelineError> {
     })
 }
 
+/// A comma and the shortest number with this value; in exponents where zeros would hide it.
+fn cell(v: f64) -> String {
+    if v == 0.0 || (1e-4..1e15).contains(&v.abs()) { format!(",{v}") } else { format!(",{v:e}") }
+}
+
 impl Values {
     fn rows(&self) -> usize {
         self.columns.iter().map(|c| c.values.len()).max().unwrap_or(0)
@@ -163,9 +166,7 @@ impl Values {
             let _ = write!(out, "\n{},{}", self.first as usize + row, row as f64 / self.rate_hz);
             for c in &self.columns {
                 match c.values.get(row).filter(|v| v.is_finite()) {
-                    Some(v) => {
-                        let _ = write!(out, ",{v}");
-                    }
+                    Some(v) => out.push_str(&cell(*v)),
                     None => out.push(','),
                 }
             }

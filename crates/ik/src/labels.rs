@@ -4,7 +4,8 @@
 //! so that nothing in the recording alone shows it. The geometry of the segment in the static trial
 //! does: the markers no longer fit it rigidly, and fit again once the labels are exchanged back.
 //! Clusters that are nearly symmetric also fit when they are turned by half a revolution; there the
-//! pose of the neighbouring segment decides, too.
+//! pose of the neighbouring segment decides, too. Labels that went to another segment, and those of
+//! segments with fewer markers, are found by the whole body (`labels_between`).
 
 use aloft_body::rigid::fit_pose_of_seen;
 use aloft_body::{State, Subject};
@@ -40,10 +41,10 @@ const SHORTEST_S: f64 = 0.1;
 /// Share of frames from which on an exchange counts for the whole trial.
 const WHOLE: f64 = 0.9;
 
-/// Labels of one segment that were on other markers than in the static trial.
+/// Labels that were on other markers than in the static trial.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LabelExchange {
-    /// Name of the link.
+    /// Name of the link; of two or more links where markers of one bear the labels of another.
     pub link: String,
     /// Pairs `(label, marker)`: the trajectory recorded as `label` belongs to `marker`.
     pub labels: Vec<(String, String)>,
@@ -79,7 +80,7 @@ impl std::fmt::Display for LabelExchange {
         write!(
             f,
             "labels exchanged against the static trial {where_}, and exchanged back: {} ({}: markers off the static \
-             shape by {:.1} mm, now {:.1} mm)",
+             body by {:.1} mm, now {:.1} mm)",
             pairs.join(", "),
             self.link,
             1e3 * self.before_m,
@@ -194,6 +195,7 @@ pub fn label_exchanges(subject: &Subject, trial: &Trial) -> Vec<LabelExchange> {
     for segment in all.iter().filter(|s| s.sources.len() >= FEWEST) {
         out.extend(of_segment(subject, trial, segment, &all));
     }
+    out.extend(crate::labels_between::exchange_between(subject, trial, &out));
     out
 }
 

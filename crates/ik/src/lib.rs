@@ -12,6 +12,7 @@ mod calibrate;
 mod error;
 mod frame;
 mod labels;
+mod labels_between;
 mod marker_errors;
 mod normal;
 mod options;

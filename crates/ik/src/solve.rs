@@ -275,6 +275,42 @@ pub(crate) fn track_each(
     piece
 }
 
+/// Fits of single frames, for comparing what the same frames would be with other labels.
+pub(crate) struct Single<'p> {
+    solver: Solver<'p>,
+    tracker: Tracker<'p>,
+    memory: Memory,
+}
+
+/// Lever with which an angle beyond a joint's range counts as an error of a marker, m.
+const RANGE_LEVER_M: f64 = 0.1;
+
+impl<'p> Single<'p> {
+    pub fn new(problem: &'p Problem, options: &'p IkOptions) -> Self {
+        let rest = || problem.rest_q.clone();
+        Self {
+            solver: Solver::new(problem),
+            tracker: Tracker { q: rest(), other: rest(), options },
+            memory: Memory { last: rest(), before: rest(), depth: 0, any: false, rms: f64::NAN },
+        }
+    }
+
+    /// Root mean square distance of the markers at `place` (by index of the problem's markers),
+    /// together with what joints are beyond their ranges, m; none for a frame that cannot be solved.
+    pub fn error(&mut self, place: impl Fn(usize) -> Option<Vector3<f64>>) -> Option<f64> {
+        for (i, target) in self.solver.targets.iter_mut().enumerate() {
+            *target = place(i).unwrap_or(Vector3::repeat(f64::NAN));
+        }
+        if !self.solver.look() || !self.tracker.frame(&mut self.solver, &self.memory).solved {
+            return None;
+        }
+        let beyond: f64 = self.solver.beyond(&self.tracker.q).map(|(_, excess)| excess * excess).sum();
+        let rms = self.solver.rms();
+        let n = self.solver.visible.len() as f64;
+        Some((rms * rms + RANGE_LEVER_M * RANGE_LEVER_M * beyond / n).sqrt())
+    }
+}
+
 #[derive(Debug, Clone, Copy, Default)]
 struct Outcome {
     solved: bool,

@@ -83,3 +83,26 @@ fn a_cluster_that_is_symmetric_is_decided_by_its_neighbour() {
     let off = (0..200).map(|f| common::distance(&person, solved.motion.q(f), &motion[f])).fold(0.0, f64::max);
     assert!(off < 0.2, "{off}");
 }
+
+#[test]
+fn labels_on_markers_of_other_segments_are_found_by_the_whole_body() {
+    let person = common::person();
+    let motion = common::motion(&person, 120, 100.0, 0.3, 1);
+    let clean = common::trial(&person, &motion, 100.0, 0.003, 2);
+    assert!(label_exchanges(&person, &clean).is_empty());
+    for pairs in [
+        // a leg without its foot, a foot back to front, an arm, knee and ankle
+        vec![("LTHI", "RTHI"), ("LKNE", "RKNE"), ("LTIB", "RTIB"), ("LANK", "RANK")],
+        vec![("RHEE", "RTOE")],
+        vec![("LELB", "RELB"), ("LWRA", "RWRA"), ("LWRB", "RWRB"), ("LFIN", "RFIN")],
+        vec![("RKNE", "RANK")],
+    ] {
+        let bad = swapped(&clean, &pairs, 0..120);
+        let found = label_exchanges(&person, &bad);
+        let mut right = bad.clone();
+        exchange_labels(&mut right, &found);
+        assert!(right.markers.trajectories == clean.markers.trajectories, "{pairs:?}: {found:?}");
+        assert_eq!(found.len(), 1, "{pairs:?}: {found:?}");
+        assert_eq!((found[0].start, found[0].end), (0, 120));
+    }
+}

@@ -24,7 +24,8 @@ pub fn read_recording(import: &ImportConfig, recording: &Recording) -> Result<Tr
     read_file(&recording.name, &recording.file, recording.forces.as_deref(), &options)
 }
 
-fn unreadable(name: &str, file: &std::path::Path, error: &aloft_trial::TrialError) -> StageFailure {
+/// The failure of a recording that cannot be read, with what to do.
+pub fn unreadable(name: &str, file: &std::path::Path, error: &aloft_trial::TrialError) -> StageFailure {
     let name = quote::yaml(&quote::pattern(name));
     StageFailure::with_hint(
         format!("{}: {error}", file.display()),

@@ -197,8 +197,11 @@ fn segments(story: &Story<'_>, subject: &Subject) -> Vec<Segment> {
         .links
         .iter()
         .zip(&subject.prior)
-        .map(|(link, inertia)| {
-            let (turn, radii_m) = ellipsoid(inertia, reach);
+        .enumerate()
+        .map(|(i, (link, inertia))| {
+            // small bones of OpenSim's models have the inertia of something much larger
+            let most = extent(subject, i).map_or(1.5 * reach, |own| own.min(1.5 * reach));
+            let (turn, radii_m) = ellipsoid(inertia, reach, most);
             Segment {
                 name: link.name.clone(),
                 parent: link.parent,
@@ -211,9 +214,23 @@ fn segments(story: &Story<'_>, subject: &Subject) -> Vec<Segment> {
         .collect()
 }
 
+/// How far joints to further links, markers and the centre of mass are from a link's origin, m;
+/// none for a last link without markers, whose size nothing tells.
+fn extent(subject: &Subject, link: usize) -> Option<f64> {
+    let joints = subject
+        .model
+        .links
+        .iter()
+        .filter(|l| l.parent == Some(link))
+        .map(|l| l.joint.parent_from_joint.translation.vector.norm());
+    let markers = subject.markers.iter().filter(|m| m.link == link).map(|m| m.position_m.norm());
+    let far = joints.chain(markers).filter(|d| d.is_finite()).fold(0.0, f64::max);
+    (far > 0.0).then(|| far.max(subject.prior[link].com_m.norm()))
+}
+
 /// The uniform ellipsoid with an inertia: its axes and semi-axes, m. Semi-axes that no body has are
-/// limited to those of its markers.
-fn ellipsoid(inertia: &LinkInertia, reach: f64) -> (UnitQuaternion<f64>, Vector3<f64>) {
+/// limited to `most`; `reach` is the size of the whole.
+fn ellipsoid(inertia: &LinkInertia, reach: f64, most: f64) -> (UnitQuaternion<f64>, Vector3<f64>) {
     let own = SymmetricEigen::new(inertia.inertia_com_kgm2);
     let mut axes: Matrix3<f64> = own.eigenvectors;
     if axes.determinant() < 0.0 {
@@ -222,7 +239,7 @@ fn ellipsoid(inertia: &LinkInertia, reach: f64) -> (UnitQuaternion<f64>, Vector3
     let i = own.eigenvalues;
     // a² = 5 / (2 m) (I_b + I_c − I_a)
     let radius = |k: usize| (2.5 / inertia.mass_kg.max(1e-9) * (i.sum() - 2.0 * i[k])).max(0.0).sqrt();
-    let most = (0..3).map(radius).fold(0.0, f64::max).min(1.5 * reach).max(0.1 * reach);
+    let most = (0..3).map(radius).fold(0.0, f64::max).min(most).max(0.1 * reach);
     let radii = Vector3::from_fn(|k, _| radius(k).clamp(0.12 * most, most));
     (UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes)), radii)
 }
@@ -391,7 +408,7 @@ mod tests {
                 0.2 * m * (r.norm_squared() - r[k] * r[k])
             })),
         };
-        let (turn, mut radii) = ellipsoid(&inertia, 1.0);
+        let (turn, mut radii) = ellipsoid(&inertia, 1.0, 1.5);
         radii.as_mut_slice().sort_by(f64::total_cmp);
         assert!((radii - r).norm() < 1e-9 && (turn.norm() - 1.0).abs() < 1e-12, "{radii}");
     }

@@ -5,6 +5,7 @@ use crate::place::error_at_key;
 use aloft_workspace::error::PipelineError;
 use globset::{GlobBuilder, GlobMatcher, GlobSet, GlobSetBuilder};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Subject and session of a study; both are none for a pipeline of one subject.
@@ -115,6 +116,23 @@ pub fn stem_of(path: &Path) -> String {
         Some(stem) => stem.to_owned(),
         None => path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default(),
     }
+}
+
+/// Names of recordings, from their paths relative to the data folder: the file's stem, or the whole
+/// path where several files have the same one.
+pub fn trial_names(relative: &[&Path]) -> Vec<String> {
+    let mut stems: BTreeMap<String, usize> = BTreeMap::new();
+    for path in relative {
+        *stems.entry(fold(&stem_of(path))).or_default() += 1;
+    }
+    let name = |path: &&Path| {
+        let short = stem_of(path);
+        if stems.get(&fold(&short)) == Some(&1) {
+            return short;
+        }
+        path.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>().join("-")
+    };
+    relative.iter().map(name).collect()
 }
 
 /// The parts of a name that Theia3D gives the poses of a person, `pose_filt_0`: whether they are

@@ -13,6 +13,7 @@ use crate::possible;
 use crate::quote;
 use crate::recordings::{
     SessionId, base_beside, bids_beside, fold, globs, logs_below, markers_beside, recordings_below, stem_of,
+    trial_names,
 };
 use crate::robot::RobotSetup;
 use aloft_body::ModelSpec;
@@ -416,23 +417,13 @@ fn find_trials(
             None => unmatched.push(relative),
         }
     }
-    let stem = stem_of;
-    let mut stems: BTreeMap<String, usize> = BTreeMap::new();
-    for (relative, _) in &found {
-        *stems.entry(fold(&stem(relative))).or_default() += 1;
-    }
+    let names = trial_names(&found.iter().map(|(relative, _)| relative.as_path()).collect::<Vec<_>>());
     let mut trials = Vec::new();
-    for (relative, role) in &found {
-        let short = stem(relative);
-        let name = if stems.get(&fold(&short)) == Some(&1) {
-            short
-        } else {
-            relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>().join("-")
-        };
+    for ((relative, role), name) in found.iter().zip(names) {
         let path = data.join(relative);
         let forces = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) {
             let folder = path.parent().unwrap_or(data);
-            t.forces.iter().map(|f| folder.join(f.replace("{trial}", &stem(relative)))).find(|p| p.is_file())
+            t.forces.iter().map(|f| folder.join(f.replace("{trial}", &stem_of(relative)))).find(|p| p.is_file())
         } else {
             None
         };

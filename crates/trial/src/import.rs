@@ -1,7 +1,7 @@
 //! Imports C3D, or TRC with MOT, as a [`Trial`] in SI units and the world frame.
 
 use crate::limits::leave_out_stuck;
-use crate::mot::read_ground_reactions;
+use crate::mot::{first_time_s, read_ground_reactions};
 use crate::options::{disambiguate, require_content, to_world};
 use crate::person::person_of;
 use crate::recorded;
@@ -35,10 +35,20 @@ impl Trial {
     /// # Errors
     /// No frames, no labelled marker, no usable rate or unit.
     pub fn from_c3d_file(name: &str, file: &C3dFile, options: &ImportOptions) -> Result<Self, TrialError> {
+        let trial = Self::contents_of_c3d(name, file, options)?;
+        require_content(&trial, || format!("{} points, none of them a labelled marker", file.points.len()))?;
+        Ok(trial)
+    }
+
+    /// What a C3D file holds, also where that is no motion: plates or channels without any marker.
+    /// For looking at a file; [`Trial::from_c3d_file`] is for using it.
+    ///
+    /// # Errors
+    /// Points in a unit that is not a length.
+    pub fn contents_of_c3d(name: &str, file: &C3dFile, options: &ImportOptions) -> Result<Self, TrialError> {
         let mut trial = Self { name: name.to_owned(), ..Self::default() };
         trial.warnings.extend(file.warnings.iter().cloned().map(aloft_c3d::Warning::with_kind));
         read_points(&mut trial, file, options)?;
-        require_content(&trial, || format!("{} points, none of them a labelled marker", file.points.len()))?;
         read_plates(&mut trial, file, options);
         leave_out_stuck(&mut trial);
         read_events(&mut trial, file);
@@ -48,6 +58,21 @@ impl Trial {
         let screen = file.groups.get("POINT", "Y_SCREEN").and_then(|p| p.string());
         to_world(&mut trial, options, screen.as_deref().and_then(UpAxis::parse), UpAxis::Z);
         correct_reaction_sign(&mut trial);
+        Ok(trial)
+    }
+
+    /// Plates of a MOT or STO text without the markers that belong to them; none where its columns
+    /// are something else. For looking at a file.
+    ///
+    /// # Errors
+    /// Malformed line (the error names it).
+    pub fn contents_of_mot(name: &str, text: &str, options: &ImportOptions) -> Result<Self, TrialError> {
+        let mut trial = Self { name: name.to_owned(), ..Self::default() };
+        let start_s = first_time_s(name, text)?;
+        trial.start_s = start_s;
+        read_ground_reactions(&mut trial, text, start_s)?;
+        leave_out_stuck(&mut trial);
+        to_world(&mut trial, options, None, UpAxis::Y);
         Ok(trial)
     }
 
@@ -188,6 +213,9 @@ fn length_unit(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
     let stated = options.point_unit.as_deref().unwrap_or(&file.point_unit).trim();
     if let Some(metres) = metres_per(stated) {
         return Ok(metres);
+    }
+    if file.points.is_empty() && file.poses.segments.is_empty() {
+        return Ok(1e-3);
     }
     if !stated.is_empty() {
         return Err(TrialError::Unit { trial: trial.name.clone(), place: "POINT:UNITS", found: stated.to_owned() });

@@ -251,6 +251,12 @@ struct PlateColumns {
     at: [[Option<usize>; 3]; 3],
 }
 
+/// Time of the first row, s; 0 without rows.
+pub(crate) fn first_time_s(trial: &str, text: &str) -> Result<f64, TrialError> {
+    let table = Table::from_mot(trial, text)?;
+    Ok(table.columns.first().and_then(|times| times.first()).copied().unwrap_or(0.0))
+}
+
 /// Adds the plates of a ground reaction table to the trial (metres, newtons, source axes).
 /// `first_frame_time_s` is the time of the first marker frame: plate samples are cut, or filled
 /// with missing ones, so that both start together.

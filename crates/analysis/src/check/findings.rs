@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 /// One remark on one recording, with what is needed to find others of its kind.
 #[derive(Debug, Clone)]
-pub(super) enum Remark {
+pub(crate) enum Remark {
     /// Of the quality table.
     Quality(QualityReason),
     /// Of the reader.
@@ -164,7 +164,7 @@ fn text(remarks: &[&Remark]) -> String {
 }
 
 /// The remarks of all recordings by kind: what cannot be used first, then by number of recordings.
-pub(super) fn findings<'a>(rows: impl Iterator<Item = (&'a str, &'a [Remark])>) -> Vec<Finding> {
+pub(crate) fn findings<'a>(rows: impl Iterator<Item = (&'a str, &'a [Remark])>) -> Vec<Finding> {
     let mut kinds: BTreeMap<String, (usize, Vec<&str>, Vec<&Remark>)> = BTreeMap::new();
     for (trial, remarks) in rows {
         for remark in remarks {

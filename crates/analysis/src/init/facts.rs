@@ -1,6 +1,7 @@
 //! What files state about their subject, and where their force files are.
 
 use super::look::Determination;
+use aloft_study::recordings::stem_of;
 use aloft_trial::person_of;
 use std::path::{Path, PathBuf};
 
@@ -61,7 +62,7 @@ pub(super) fn agreed(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 /// Patterns of force files that the default ones do not find: `{trial}_grf.mot` and the like in a
-/// sister folder of the marker files.
+/// sister folder of the marker files, or `grf.mot` where each trial has a folder of its own.
 pub(super) fn force_patterns(folder: &Path, seen: &[Determination]) -> Option<Vec<String>> {
     let texts: Vec<&Determination> = seen.iter().filter(|s| s.relative.to_lowercase().ends_with(".trc")).collect();
     if texts.is_empty() || texts.iter().any(|s| !s.trial.plates.is_empty()) {
@@ -85,12 +86,19 @@ pub(super) fn force_patterns(folder: &Path, seen: &[Determination]) -> Option<Ve
     for file in files.iter().filter(|f| holds_forces(f)) {
         let Some(name) = file.file_name().map(|n| n.to_string_lossy().into_owned()) else { continue };
         // the longest stem that the name begins with
-        let Some(own) = texts.iter().filter(|s| name.starts_with(&s.stem)).max_by_key(|s| s.stem.len()) else {
+        let stem = |s: &Determination| stem_of(Path::new(&s.relative));
+        let here = |s: &&&Determination| folder.join(&s.relative).parent() == file.parent();
+        // the longest stem that the name begins with, that of a neighbour first
+        let begins = texts.iter().filter(|s| name.starts_with(&stem(s)));
+        let pattern = if let Some(own) = begins.max_by_key(|s| (here(s), stem(s).len())) {
+            let markers = folder.join(&own.relative);
+            let (Some(from), Some(to)) = (markers.parent(), file.parent()) else { continue };
+            format!("{}{{trial}}{}", between(from, to), &name[stem(own).len()..])
+        } else if texts.len() > 1 && texts.iter().filter(here).count() == 1 {
+            name
+        } else {
             continue;
         };
-        let markers = folder.join(&own.relative);
-        let (Some(from), Some(to)) = (markers.parent(), file.parent()) else { continue };
-        let pattern = format!("{}{{trial}}{}", between(from, to), &name[own.stem.len()..]);
         match patterns.iter_mut().find(|p| p.0 == pattern) {
             Some(known) => known.1 += 1,
             None => patterns.push((pattern, 1)),

@@ -16,6 +16,8 @@ const LOOKED_AT: usize = 60;
 /// A recording that was read.
 pub(super) struct Determination {
     pub relative: String,
+    /// The file's stem; once it is known which recordings are used, the trial's name in the
+    /// session.
     pub stem: String,
     pub trial: Trial,
     /// Length unit that the file states.

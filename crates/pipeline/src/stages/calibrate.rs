@@ -24,7 +24,7 @@ use serde::Serialize;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "calibrate",
-    version: 5,
+    version: 6,
     scope: Scope::Session,
     seconds: 1.5,
     reads: "dynamic trials that are not held out, `Subject`",

@@ -92,35 +92,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let plate_samples = aloft_trial::plate_sketch(&trial.plates);
     let corrected = corrections.apply(&mut trial);
     let matched = apply_marker_set(&mut trial, marker_set, &import.aliases);
-    if matched.present.is_empty() {
-        return Err(StageFailure::with_hint(
-            format!(
-                "{}: none of the {} markers of the set `{}` is in the recording; it has {}",
-                recording.file.display(),
-                marker_set.markers.len(),
-                marker_set.name,
-                abridged(&trial.markers.labels),
-            ),
-            "choose another `marker_set`, or map the labels under `import: {aliases: …}`",
-        )
-        .because(QcReason::NoMarkers));
-    }
-    let wanted = marker_set.markers.iter().filter(|m| m.tracking && !m.optional && !m.static_only).count();
-    let found = wanted.saturating_sub(matched.missing.len());
-    if (found as f64) < LEAST_FIT * wanted as f64 {
-        return Err(StageFailure::with_hint(
-            format!(
-                "{}: only {found} of {wanted} markers of the set `{}` are in the recording ({:.0} %); it has {}",
-                recording.file.display(),
-                marker_set.name,
-                100.0 * found as f64 / wanted as f64,
-                abridged(&trial.markers.labels),
-            ),
-            "another `marker_set` fits better, or map the labels under `import: {aliases: {MyLabel: LASI}}`; a set is a \
-             YAML file with a label, a link and a landmark a line, and `marker_set: path/to/file.yaml` uses it",
-        )
-        .because(QcReason::NoMarkers));
-    }
+    fits_enough(marker_set, recording, &trial, &matched)?;
     let segments = marker_set.segments();
     let samples = aloft_trial::sample_sketch(&trial.markers);
     let artefacts = ArtefactOptions { repair: import.repair, ..ArtefactOptions::default() };
@@ -227,6 +199,49 @@ fn texts_of(reasons: &[QualityReason]) -> Vec<String> {
         ));
     }
     out
+}
+
+/// Refuses a recording whose labels have too little in common with the marker set.
+///
+/// # Errors
+/// None, or too few, of the set's markers are in the recording.
+pub fn fits_enough(
+    marker_set: &MarkerSet,
+    recording: &Recording,
+    trial: &Trial,
+    matched: &MarkerSetMatch,
+) -> Result<(), StageFailure> {
+    if matched.present.is_empty() {
+        return Err(StageFailure::with_hint(
+            format!(
+                "{}: none of the {} markers of the set `{}` is in the recording; it has {}",
+                recording.file.display(),
+                marker_set.markers.len(),
+                marker_set.name,
+                abridged(&trial.markers.labels),
+            ),
+            "choose another `marker_set`, map the labels under `import: {aliases: {MyLabel: LASI}}`, or let \
+             `aloft markerset draft FOLDER` propose a set from the recordings",
+        )
+        .because(QcReason::NoMarkers));
+    }
+    let wanted = marker_set.markers.iter().filter(|m| m.tracking && !m.optional && !m.static_only).count();
+    let found = wanted.saturating_sub(matched.missing.len());
+    if (found as f64) < LEAST_FIT * wanted as f64 {
+        return Err(StageFailure::with_hint(
+            format!(
+                "{}: only {found} of {wanted} markers of the set `{}` are in the recording ({:.0} %); it has {}",
+                recording.file.display(),
+                marker_set.name,
+                100.0 * found as f64 / wanted as f64,
+                abridged(&trial.markers.labels),
+            ),
+            "choose another `marker_set`, map the labels under `import: {aliases: {MyLabel: LASI}}`, or let \
+             `aloft markerset draft FOLDER` propose a set from the recordings",
+        )
+        .because(QcReason::NoMarkers));
+    }
+    Ok(())
 }
 
 /// A truncated file is used as far as it goes, unless it holds less than the pipeline's
