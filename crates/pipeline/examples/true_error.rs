@@ -37,11 +37,13 @@ fn with_truth(mut subject: Subject, truth: &Value) -> Result<(Subject, Vec<Phi>)
     let links = truth["links"].as_array().ok_or("no links in the truth")?;
     let mut phi = Vec::new();
     for link in &mut subject.model.links {
-        let known = links.iter().find(|l| l["name"] == *link.name).ok_or(format!("`{}` is not in the truth", link.name))?;
+        let known =
+            links.iter().find(|l| l["name"] == *link.name).ok_or(format!("`{}` is not in the truth", link.name))?;
         if link.parent.is_some() {
             let [x, y, z, w] = numbers(&known["rotation_xyzw"])?;
             let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
-            link.joint.parent_from_joint = Isometry3::from_parts(Translation3::from(numbers::<3>(&known["offset"])?), turn);
+            link.joint.parent_from_joint =
+                Isometry3::from_parts(Translation3::from(numbers::<3>(&known["offset"])?), turn);
         }
         if let (JointKind::Revolute(_), Some("revolute_z")) = (&link.joint.kind, known["joint"].as_str()) {
             link.joint.kind = JointKind::Revolute(Vector3::z_axis());
@@ -62,8 +64,7 @@ fn with_truth(mut subject: Subject, truth: &Value) -> Result<(Subject, Vec<Phi>)
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
     let [pipeline, data, workspace] = arguments.as_slice() else { return Err("PIPELINE DATA WORKSPACE".into()) };
-    let overrides =
-        Overrides { data: Some(data.clone()), workspace: Some(workspace.clone()), ..Overrides::default() };
+    let overrides = Overrides { data: Some(data.clone()), workspace: Some(workspace.clone()), ..Overrides::default() };
     let session = SubjectSession::open(pipeline, &overrides)?;
     let ws = Workspace::open(&session.workspace);
     let results = Results::of(&ws);
