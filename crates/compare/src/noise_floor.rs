@@ -333,7 +333,7 @@ pub(crate) fn trial_floor(
             (None, Some(root)) => with_noise(body, clean, root, &mut rng),
             (None, None) => return Ok(out),
         };
-        let plates = plate_noise(input, clean, &mut rng);
+        let plates = plate_noise(input, clean, options.seed, draw as u64, &mut rng);
         let read: Vec<Vector6<f64>> = match &plates {
             Some(noise) => measured.iter().zip(noise).map(|(w, n)| w + n).collect(),
             None => measured.clone(),
@@ -372,7 +372,13 @@ fn with_noise(body: &Body<'_>, clean: &Motion, root: &DMatrix<f64>, rng: &mut Ch
 
 /// White noise of the plates at the frame rate (frequencies above half of it were filtered out),
 /// and their drift.
-fn plate_noise(input: &TrialInput<'_>, clean: &Motion, rng: &mut ChaCha8Rng) -> Option<Vec<Vector6<f64>>> {
+fn plate_noise(
+    input: &TrialInput<'_>,
+    clean: &Motion,
+    seed: u64,
+    draw: u64,
+    rng: &mut ChaCha8Rng,
+) -> Option<Vec<Vector6<f64>>> {
     let density = input.measured?.noise_density;
     let sd = density.map(|d| (0.5 * clean.rate_hz * d).sqrt());
     let mut white: Vec<Vector6<f64>> = (0..clean.n_frames())
@@ -384,7 +390,7 @@ fn plate_noise(input: &TrialInput<'_>, clean: &Motion, rng: &mut ChaCha8Rng) -> 
         })
         .collect();
     if let Some(drift) = input.drift {
-        let walk = drift.draw(clean.n_frames(), clean.rate_hz, rng);
+        let walk = drift.draw(&drift.drawn_variance(seed, draw), clean.n_frames(), clean.rate_hz, rng);
         white.iter_mut().zip(walk).for_each(|(w, d)| *w += d);
     }
     Some(white)

@@ -22,6 +22,10 @@
 //! all markers. Mean squares are those of the second difference over [`LAG_S`], the band to which a
 //! window of 0.3 s is sensitive.
 //!
+//! **Uncertainty.** A variance that a few time courses tell is uncertain; ν_k = B_kk times the number
+//! of independent time courses is taken for its degrees of freedom, and every draw uses other
+//! variances that fit the residuals (`σ²_k χ²/ν_k`).
+//!
 //! **Time course.** No spectrum is assumed, white or other: each marker's error follows the time
 //! course of its own residual in the axes of its link (or that of a nearby marker if its own
 //! residual carries little information), rotated by a random rotation that is the same in all
@@ -56,12 +60,20 @@ pub const ERROR_SEED: u64 = 1;
 const LAG_S: f64 = 0.075;
 /// Frames of a trial at which the fraction of an error that remains as residual is computed.
 const SAMPLES: usize = 8;
+/// Fewest degrees of freedom of a marker's variance.
+const FEWEST_FREEDOM: f64 = 3.0;
+const SIZE_SEED: u64 = 0x7369_7a65;
 /// Minimum fraction of a marker's error that must remain in its residual for its time course to be
 /// used.
 pub(crate) const SPEAKS: f64 = 0.25;
 /// Weight of the mean of all markers in the variance of one, in numbers of residuals (a marker has
 /// three at most).
 const PRIOR_WEIGHT: f64 = 0.5;
+/// Longest step of a coordinate, rad, for which the first order is sufficient: the second is a tenth
+/// of it.
+const FIRST_ORDER_RAD: f64 = 0.2;
+/// Largest number of steps after a longer one.
+const FURTHER_STEPS: usize = 3;
 /// Multiplicative updates of the variances.
 const UPDATES: usize = 40;
 
@@ -79,6 +91,8 @@ pub struct MarkerErrors {
     seen: Vec<f64>,
     /// The same of each marker's error, all three axes, m².
     size: Vec<f64>,
+    /// Degrees of freedom with which `size` is known.
+    freedom: Vec<f64>,
     /// For each marker, the markers whose residual may provide its time course.
     donors: Vec<Vec<usize>>,
 }
@@ -122,8 +136,10 @@ impl MarkerErrors {
         let kept = kept_shares(&problem, motion, &solved);
         let size = sizes(&kept, &seen);
         let speaks: Vec<bool> = (0..seen.len()).map(|m| kept[(m, m)] >= 3.0 * SPEAKS && seen[m] > 0.0).collect();
+        let courses = independent_courses(&residual, lag);
+        let freedom = (0..seen.len()).map(|m| (kept[(m, m)] * courses).max(FEWEST_FREEDOM)).collect();
         let donors = (0..seen.len()).map(|m| donors(&problem, m, &speaks)).collect();
-        Ok(Some(Self { problem, stream, residual, seen, size, donors }))
+        Ok(Some(Self { problem, stream, residual, seen, size, freedom, donors }))
     }
 
     /// Root mean square of the errors, one axis, m, of each marker by label, for the band to which
@@ -142,7 +158,8 @@ impl MarkerErrors {
         let turned: Vec<Option<(usize, Matrix3<f64>)>> = (0..self.seen.len())
             .map(|m| {
                 let (donor, turn) = turned_donor(seed, draw, self.stream[m], &self.donors[m])?;
-                Some((donor, turn * (self.size[m] / self.seen[donor]).sqrt()))
+                let size = self.size[m] * self.of_estimate(m, seed, draw);
+                Some((donor, turn * (size / self.seen[donor]).sqrt()))
             })
             .collect();
         let mut response = Response::new(&self.problem);
@@ -155,10 +172,64 @@ impl MarkerErrors {
                 |m: usize| turned[m].map_or_else(Vector3::zeros, |(donor, turn)| turn * self.residual[donor][f]);
             response.step(&error, &mut step);
             if step.iter().all(|x| x.is_finite()) {
-                tree.retract(motion.q(f), &step, &mut out.q[f * motion.nq..(f + 1) * motion.nq]);
+                let moved = &mut out.q[f * motion.nq..(f + 1) * motion.nq];
+                tree.retract(motion.q(f), &step, moved);
+                if !is_small(&step) {
+                    self.settle(motion.q(f), &error, &mut response, moved);
+                }
             }
         }
         out
+    }
+
+    /// A variance that fits the residuals over the estimated one, χ²/ν with ν degrees of freedom
+    /// (Wilson and Hilferty 1931): of mean one, so that the errors of all markers together keep
+    /// their size, and the same quantile for a marker in every trial of a draw.
+    fn of_estimate(&self, m: usize, seed: u64, draw: u64) -> f64 {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ SIZE_SEED);
+        rng.set_stream((draw << 20) | self.stream[m]);
+        let normal: f64 = StandardNormal.sample(&mut rng);
+        let share = 2.0 / (9.0 * self.freedom[m]);
+        (1.0 - share + normal * share.sqrt()).max(0.0).powi(3)
+    }
+
+    /// Further steps of the fit from `moved` to markers that are displaced from the pose `q`, where
+    /// one step is too long for its first order: when a limb is nearly straight, errors of
+    /// millimetres turn it about its length by a radian, which the first order would continue to
+    /// any angle.
+    fn settle(&self, q: &[f64], error: &dyn Fn(usize) -> Vector3<f64>, response: &mut Response<'_>, moved: &mut [f64]) {
+        let tree = &self.problem.tree;
+        let mut pose = tree.pose();
+        tree.forward(q, &mut pose);
+        let place = |pose: &Pose, m: usize, e: Vector3<f64>| {
+            let marker = &self.problem.markers[m];
+            pose.origin[marker.link] + pose.rotation[marker.link] * (marker.position + e)
+        };
+        let targets: Vec<Vector3<f64>> = (0..self.seen.len()).map(|m| place(&pose, m, error(m))).collect();
+        let mut step = vec![0.0; tree.nv];
+        let mut next = moved.to_vec();
+        for _ in 0..FURTHER_STEPS {
+            if !response.at(&next) {
+                return;
+            }
+            let here = response.pose();
+            let missed: Vec<Vector3<f64>> = (0..targets.len())
+                .map(|m| {
+                    let turn = here.rotation[self.problem.markers[m].link];
+                    turn.transpose() * (targets[m] - place(here, m, Vector3::zeros()))
+                })
+                .collect();
+            response.step(&|m| missed[m], &mut step);
+            if !step.iter().all(|x| x.is_finite()) {
+                return;
+            }
+            let from = next.clone();
+            tree.retract(&from, &step, &mut next);
+            if is_small(&step) {
+                break;
+            }
+        }
+        moved.copy_from_slice(&next);
     }
 
     /// The motion as other geometries of the same subject would show it, one for each of `others`
@@ -199,6 +270,11 @@ impl MarkerErrors {
         }
         out
     }
+}
+
+/// True for a step for which the first order is sufficient.
+fn is_small(step: &[f64]) -> bool {
+    step.iter().all(|x| x.abs() < FIRST_ORDER_RAD)
 }
 
 /// The coordinates of a motion alone.
@@ -247,6 +323,20 @@ fn mean_square(series: &[Vector3<f64>], lag: usize) -> f64 {
     let n = series.len().saturating_sub(2 * lag);
     let sum: f64 = (0..n).map(|f| (series[f] - 2.0 * series[f + lag] + series[f + 2 * lag]).norm_squared()).sum();
     if n == 0 { 0.0 } else { sum / (6.0 * n as f64) }
+}
+
+/// Number of independent time courses in the second differences of all residuals: `(tr C)² / ‖C‖²`
+/// of their covariance over markers and axes. Skin that follows a few joints has a few, white noise
+/// as many as there are coordinates.
+fn independent_courses(residual: &[Vec<Vector3<f64>>], lag: usize) -> f64 {
+    let frames = residual.first().map_or(0, Vec::len).saturating_sub(2 * lag);
+    let differences = DMatrix::from_fn(3 * residual.len(), frames, |i, f| {
+        let series = &residual[i / 3];
+        series[f][i % 3] - 2.0 * series[f + lag][i % 3] + series[f + 2 * lag][i % 3]
+    });
+    let covariance = &differences * differences.transpose();
+    let (trace, squares) = (covariance.trace(), covariance.norm_squared());
+    if squares > 0.0 { trace * trace / squares } else { 1.0 }
 }
 
 /// B: squared norms of the blocks of P = I − J H⁻¹ Jᵀ W, mean over some of the solved frames,

@@ -168,7 +168,7 @@ fn human(scenario: &Scenario, lab: &HumanLab) -> Result<Lab, SimulateError> {
         capture.soft_tissue_m,
         &q_rest,
         &scenario.hidden,
-        &mut Stream::new(scenario.seed, "skin"),
+        &mut Stream::new(scenario.capture_seed(), "skin"),
     );
     let all = HumanTrial::all(protocol);
     let trials: Vec<LabTrial> = all
@@ -178,7 +178,7 @@ fn human(scenario: &Scenario, lab: &HumanLab) -> Result<Lab, SimulateError> {
             let played = if *trial == HumanTrial::Static { still.clone() } else { plays(*trial)? };
             let name = trial.name();
             let motion = played.motion;
-            let stream = |purpose: &str| Stream::new(scenario.seed, &format!("{name}/{purpose}"));
+            let stream = |purpose: &str| Stream::new(scenario.capture_seed(), &format!("{name}/{purpose}"));
             let worn = if *trial == HumanTrial::Static { person.markers.len() } else { LABELS.len() };
             let mut markers = cameras::record(
                 &person.body.model,
@@ -200,7 +200,7 @@ fn human(scenario: &Scenario, lab: &HumanLab) -> Result<Lab, SimulateError> {
                         capture.point_rate_hz,
                         spec,
                         &person.ball_m,
-                        &mut Stream::new(scenario.seed, "centres"),
+                        &mut Stream::new(scenario.capture_seed(), "centres"),
                         &mut stream("poses"),
                     );
                     let field = "capture.markerless.cutoff_hz";
@@ -320,7 +320,7 @@ fn plate_recordings(
         .enumerate()
         .map(|(plate, (wrench, geometry))| {
             let sampled: Vec<Wrench> = (0..samples).map(|k| wrench[(k * step).min(motion.n_ticks() - 1)]).collect();
-            let rng = &mut Stream::new(scenario.seed, &format!("{name}/plate{}", plate + 1));
+            let rng = &mut Stream::new(scenario.capture_seed(), &format!("{name}/plate{}", plate + 1));
             plates::record(plate, &geometry, &sampled, capture, &scenario.hidden, &clock, rng)
         })
         .collect();
@@ -376,14 +376,15 @@ fn thrown(
         .par_iter()
         .map(|(name, kind)| -> Result<LabTrial, SimulateError> {
             let plant = Plant::new(&object.body, &scenario.hidden, name)?;
-            let stream = |purpose: &str| Stream::new(scenario.seed, &format!("{name}/{purpose}"));
+            let stream = |purpose: &str| Stream::new(scenario.capture_seed(), &format!("{name}/{purpose}"));
+            let motion_stream = || Stream::new(scenario.seed, &format!("{name}/motion"));
             let ticks = |seconds: f64| (seconds / tick_s).round() as usize;
             let motion = match *kind {
                 "static" => throws::lie_still(object, &plant, tick_s, ticks(protocol.static_s))?,
                 "calibration" => {
-                    throws::calibration(object, &plant, tick_s, ticks(protocol.calibration_s), &mut stream("motion"))?
+                    throws::calibration(object, &plant, tick_s, ticks(protocol.calibration_s), &mut motion_stream())?
                 }
-                _ => session.record(&plant, tick_s, &mut stream("motion"))?,
+                _ => session.record(&plant, tick_s, &mut motion_stream())?,
             };
             let mut markers = cameras::record(
                 &object.body.model,

@@ -40,6 +40,11 @@ impl Scenario {
         Self { name: format!("{}_twin", self.name), hidden: Vec::new(), ..self.clone() }
     }
 
+    /// Seed of what instruments and skin add.
+    pub(crate) fn capture_seed(&self) -> u64 {
+        self.capture.seed.unwrap_or(self.seed)
+    }
+
     pub(crate) fn value_error(&self, field: &str, found: impl ToString, expected: &str) -> SimulateError {
         SimulateError::Value {
             scenario: self.name.clone(),
@@ -260,6 +265,11 @@ pub struct CaptureSpec {
     pub plate_drift_n: f64,
     /// Magnitude of gravity stated by the laboratory, m/s².
     pub gravity_mps2: f64,
+    /// Seed of everything that the instruments and the skin add: noise, gaps, soft tissue, drift.
+    /// Another value repeats the same motion of the same body with other errors. That of the
+    /// scenario if absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u64>,
     /// Poses of segments as markerless software finds them, in place of a person's markers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub markerless: Option<MarkerlessSpec>,
@@ -277,6 +287,7 @@ impl Default for CaptureSpec {
             plate_noise_n: 1.0,
             plate_drift_n: 0.8,
             gravity_mps2: 9.81,
+            seed: None,
             markerless: None,
         }
     }
