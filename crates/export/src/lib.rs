@@ -34,6 +34,7 @@ pub mod names;
 mod number;
 mod osim_file;
 pub mod parquet;
+mod parquet_pages;
 pub mod readme;
 mod robot_file;
 mod storage;

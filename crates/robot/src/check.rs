@@ -215,6 +215,19 @@ fn joints(log: &RobotLog, model: &RobotModel, remarks: &mut Vec<String>) -> Resu
                 ));
             }
         }
+        if !joint.prismatic
+            && let Some(row) = wraps(&log.q[i], &log.time_s)
+        {
+            let (before, after, at) = (log.q[i][row - 1], log.q[i][row], log.time_s[row]);
+            return Err(RobotError::log(
+                &log.file,
+                format!(
+                    "the position of the joint `{name}` jumps from {before:.3} to {after:.3} rad at {at:.3} s: \
+                     the column starts again after a whole turn"
+                ),
+                "let it run on (`numpy.unwrap`)",
+            ));
+        }
         if log.dq[i].is_empty() {
             continue;
         }
@@ -280,6 +293,18 @@ fn joints(log: &RobotLog, model: &RobotModel, remarks: &mut Vec<String>) -> Resu
     }
     Ok(())
 }
+
+/// First row that differs by a whole turn from the one before, faster than any joint turns.
+fn wraps(q: &[f64], time_s: &[f64]) -> Option<usize> {
+    let turn = |k: &usize| {
+        let (jump, step_s) = ((q[*k] - q[*k - 1]).abs(), time_s[*k] - time_s[*k - 1]);
+        (jump - std::f64::consts::TAU).abs() < 1.0 && jump > FASTEST_RAD_S * step_s
+    };
+    (1..q.len().min(time_s.len())).find(turn)
+}
+
+/// Rate that no joint reaches, rad/s.
+const FASTEST_RAD_S: f64 = 200.0;
 
 /// Range of a position, s times the largest rate, below which it does not follow that rate.
 const STUCK: f64 = 0.01;

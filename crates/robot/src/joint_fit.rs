@@ -11,6 +11,7 @@ use crate::torque::{BEND, UNKNOWNS};
 use aloft_identify::{Prior, satterthwaite};
 use aloft_regressor::Factor;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -19,8 +20,8 @@ const WEIGHTS: [f64; 5] = [0.0, 0.03, 0.1, 0.3, 1.0];
 /// Places of the gain's error and of the delay among [`UNKNOWNS`].
 const GAIN: usize = 3;
 const DELAY: usize = 4;
-/// Rounds in which the delay's square is linearised about the last estimate.
-const ROUNDS: usize = 3;
+/// Rounds in which gain and delay are linearised about the last estimate.
+const ROUNDS: usize = 4;
 /// Standard deviation of a torque's gain about 1 before any motion.
 const GAIN_SD: f64 = 0.05;
 /// Standard deviation of a torque's delay before any motion, s.
@@ -188,21 +189,23 @@ fn spread_of(whole: &Normal, prior: &Normal, parts: &[Normal], of: Range<usize>)
     let (x, inverse) = whole.solve()?;
     let (n, of) = (x.len(), of.collect::<Vec<usize>>());
     let unit = DMatrix::from_fn(n, of.len(), |i, k| f64::from(u8::from(i == of[k])));
-    let mut squares = vec![0.0; of.len()];
-    let mut diagonal: Vec<Vec<f64>> = Vec::new();
-    let mut reach: Vec<DMatrix<f64>> = Vec::new();
-    for part in parts {
+    let by_part = parts.par_iter().map(|part| {
         let rest = Solver::of(&(&whole.matrix - &part.matrix))?;
         let score = &part.right - &part.matrix * &x;
         let moved = rest.solve(&DMatrix::from_column_slice(n, 1, score.as_slice()));
         let by = &part.matrix * rest.solve(&unit);
-        for (k, at) in of.iter().enumerate() {
-            squares[k] += moved[(*at, 0)].powi(2);
-        }
-        diagonal.push((0..of.len()).map(|k| by.column(k).dot(&inverse.column(of[k]))).collect());
+        let diagonal: Vec<f64> = (0..of.len()).map(|k| by.column(k).dot(&inverse.column(of[k]))).collect();
+        Some((of.iter().map(|at| moved[(*at, 0)]).collect::<Vec<f64>>(), diagonal, by))
+    });
+    let by_part: Vec<(Vec<f64>, Vec<f64>, DMatrix<f64>)> = by_part.collect::<Option<_>>()?;
+    let mut squares = vec![0.0; of.len()];
+    let (mut diagonal, mut reach) = (Vec::new(), Vec::new());
+    for (moved, own, by) in by_part {
+        squares.iter_mut().zip(moved).for_each(|(s, m)| *s += m * m);
+        diagonal.push(own);
         reach.push(by);
     }
-    let turned: Vec<DMatrix<f64>> = reach.iter().map(|b| &inverse * b).collect();
+    let turned: Vec<DMatrix<f64>> = reach.par_iter().map(|b| &inverse * b).collect();
     Some(
         of.iter()
             .enumerate()
@@ -227,34 +230,36 @@ fn spread_of(whole: &Normal, prior: &Normal, parts: &[Normal], of: Range<usize>)
     )
 }
 
-/// Torque rows of one flight.
-struct Flight<'a> {
-    factor: &'a Factor,
-    noise: &'a [f64],
-    /// `[columns | measured]`, the squares of delays linearised.
-    rows: DMatrix<f64>,
+/// Where the torque of a joint is linearised.
+#[derive(Debug, Clone, Copy, Default)]
+struct About {
+    gain_error: f64,
+    delay_s: f64,
 }
 
-impl<'a> Flight<'a> {
-    /// With ½ δ² = δ₀ δ − ½ δ₀² for the delay δ of each joint; the last columns of `factor` are
-    /// those of ½ δ².
-    fn of(factor: &'a Factor, noise: &'a [f64], first_own: usize, delays: &[f64]) -> Self {
-        let whole = factor.dense();
-        let n = whole.ncols() - 1 - delays.len();
-        let mut rows = whole.columns(0, n + 1).into_owned();
-        rows.set_column(n, &whole.column(n + delays.len()));
-        for (j, delay) in delays.iter().enumerate() {
-            let bend = whole.column(n + j);
-            rows.column_mut(first_own + UNKNOWNS.len() * j + DELAY).axpy(*delay, &bend, 1.0);
-            rows.column_mut(n).axpy(0.5 * delay * delay, &bend, 1.0);
-        }
-        Self { factor, noise, rows }
+/// Rows `[columns | measured]` of one flight, with the shifted torque (1 + κ) S(δ),
+/// S = M − δ M′ + ½ δ² M″ − ⅙ δ³ M‴, linearised about the error κ of the gain and the delay δ of each
+/// joint. The columns of the factor are −M, M′ and, the last ones, −M″ and M‴; those of κ and δ become
+/// −S and −(1 + κ) S′.
+fn linearised(factor: &Factor, first_own: usize, about: &[About]) -> DMatrix<f64> {
+    let whole = factor.dense();
+    let n = whole.ncols() - 1 - 2 * about.len();
+    let mut rows = whole.columns(0, n + 1).into_owned();
+    rows.set_column(n, &whole.column(whole.ncols() - 1));
+    for (j, About { gain_error, delay_s }) in about.iter().enumerate() {
+        let gain = first_own + UNKNOWNS.len() * j + GAIN;
+        let delay = first_own + UNKNOWNS.len() * j + DELAY;
+        let (first, second, third) = (whole.column(delay), whole.column(n + 2 * j), whole.column(n + 2 * j + 1));
+        // S − M and S′
+        let d = *delay_s;
+        let change = -(first * d) - second * (0.5 * d * d) - third * (d * d * d / 6.0);
+        let slope = -first - second * d - third * (0.5 * d * d);
+        rows.column_mut(gain).axpy(-1.0, &change, 1.0);
+        rows.set_column(delay, &(&slope * -(1.0 + gain_error)));
+        rows.column_mut(n).axpy(1.0, &change, 1.0);
+        rows.column_mut(n).axpy(-(1.0 + gain_error) * d, &slope, 1.0);
     }
-
-    fn sum_of_squares(&self, x: &DVector<f64>) -> f64 {
-        let n = self.rows.ncols() - 1;
-        (self.rows.columns(0, n) * x - self.rows.column(n)).norm_squared()
-    }
+    rows
 }
 
 /// Fits joints and base parameters. None if rows or prior cannot be solved, or no flight has
@@ -270,160 +275,221 @@ pub fn joint_fit(robot: &RobotModel, rows: &JointRows<'_>) -> Option<JointFit> {
     fit(robot, rows, 1.0).or_else(|| fit(robot, rows, 0.0))
 }
 
-/// The fit with a share of the noise's variance subtracted.
-fn fit(robot: &RobotModel, rows: &JointRows<'_>, corrected: f64) -> Option<JointFit> {
-    let mut delays = vec![0.0; robot.joints.len()];
-    let mut out = None;
-    for _ in 0..ROUNDS {
-        let found = linear_fit(robot, rows, corrected, &delays)?;
-        delays = found.joints.iter().map(|j| j.delay_s.value).collect();
-        out = Some(found);
-    }
-    out
+/// What stays the same while gains and delays are linearised again.
+struct Problem<'a> {
+    robot: &'a RobotModel,
+    rows: &'a JointRows<'a>,
+    /// Number of unknowns, and the first of the joints' own.
+    n: usize,
+    first_own: usize,
+    /// Share of the noise's variance that is subtracted.
+    corrected: f64,
+    prior: Normal,
+    nominal: Vec<f64>,
+    /// Base rows of each flight, weighted.
+    base: Vec<Normal>,
 }
 
-/// The fit with the delays' squares linearised.
-fn linear_fit(robot: &RobotModel, rows: &JointRows<'_>, corrected: f64, delays: &[f64]) -> Option<JointFit> {
-    let p = rows.prior.mean.len();
-    let columns = &rows.torque.first()?.columns;
-    let bends = columns.effects.iter().filter(|name| name.ends_with(&format!(".{BEND}"))).count();
-    let n = columns.len() - 1 - bends;
-    if bends != delays.len()
-        || rows.torque.iter().any(|f| f.columns != *columns)
-        || rows.noise.len() != rows.torque.len()
-    {
-        return None;
-    }
-    // effects of the base rows stand before the joints' own unknowns, laws of joints after them
-    let own = format!("{}.{}", robot.joints.first()?.name, UNKNOWNS[0]);
-    let first_own = p + columns.effects.iter().position(|name| *name == own)?;
-    if rows.base.iter().any(|f| f.columns.len() != first_own + 1) {
-        return None;
-    }
-    let (prior, nominal) = before(robot, rows, first_own, n)?;
-    let base_weight = rows.base_row_sd.powi(-2);
-    let sum = |factors: &[Factor], weight: f64, keep: &dyn Fn(&Factor) -> bool| {
-        let mut out = Normal::zeros(n);
-        factors.iter().filter(|f| keep(f)).for_each(|f| out.add(f, weight));
-        out
-    };
-    let everything: &dyn Fn(&Factor) -> bool = &|_| true;
-    let flights: Vec<Flight<'_>> =
-        rows.torque.iter().zip(rows.noise).map(|(f, noise)| Flight::of(f, noise, first_own, delays)).collect();
-    let of_torque = |keep: &dyn Fn(&Factor) -> bool| {
-        let mut out = Normal::zeros(n);
-        for flight in flights.iter().filter(|f| keep(f.factor)) {
-            out.add_rows(&flight.rows, 1.0);
-            for (j, variance) in flight.noise.iter().enumerate() {
-                let gain = first_own + UNKNOWNS.len() * j + GAIN;
-                out.matrix[(gain, gain)] -= corrected * variance;
-                out.right[gain] += corrected * variance;
-            }
-        }
-        out
-    };
-    let (base, torque) = (sum(rows.base, base_weight, everything), of_torque(everything));
-    // the spread of torque rows about the base rows' answer: their scale, once and for all
-    let (first, _) = prior.plus(&base, 1.0).plus(&torque, 1e-3).solve()?;
-    let left = |x: &DVector<f64>| flights.iter().map(|f| f.sum_of_squares(x)).sum::<f64>();
-    let count: usize = rows.torque.iter().map(|f| f.n_rows).sum();
-    let rss = left(&first);
-    let ratio = (rss / count.max(1) as f64).sqrt();
-    let unit = ratio.max(1.0).powi(-2);
+/// The torques linearised, and the answer.
+struct Linear {
+    /// Torque rows of each flight.
+    torque: Vec<Normal>,
+    /// Weight of torque rows by their spread.
+    unit: f64,
+    x: DVector<f64>,
+    /// Root mean square of what torque rows keep.
+    ratio: f64,
+}
 
-    let mut names: Vec<&str> = rows.base.iter().map(|f| f.trial.as_str()).collect();
-    names.dedup();
-    // with a single recording, flights are left out instead
-    let single = names.len() < 2;
-    let groups: Vec<(&str, Option<usize>)> = if single {
-        rows.base.iter().map(|f| (f.trial.as_str(), Some(f.stretch))).collect()
-    } else {
-        names.iter().map(|n| (*n, None)).collect()
-    };
-    let mut tried: Vec<Tried> = Vec::new();
-    let folds: Vec<(Normal, Normal, Vec<&Factor>)> = groups
-        .iter()
-        .map(|(trial, flight)| {
-            let held = |f: &Factor| f.trial == *trial && flight.is_none_or(|s| s == f.stretch);
-            (
-                sum(rows.base, base_weight, &|f| !held(f)),
-                of_torque(&|f| !held(f)),
-                rows.base.iter().filter(|f| held(f)).collect(),
-            )
-        })
-        .collect();
-    for weight in WEIGHTS {
-        let (mut total, mut count) = (0.0, 0);
-        for (base, torque, held) in &folds {
-            let (x, _) = prior.plus(base, 1.0).plus(torque, weight * unit).solve()?;
-            let (s, c) = squares(held, &x);
-            (total, count) = (total + s, count + c);
-        }
-        tried.push(Tried { weight, held_out_rms: (total / count.max(1) as f64).sqrt() });
-    }
-    let best = tried.iter().min_by(|a, b| a.held_out_rms.total_cmp(&b.held_out_rms))?.weight;
-    // joints: with the base rows in full weight, torque rows in their own
-    let everything_known = prior.plus(&base, 1.0).plus(&torque, unit);
-    let (x, _) = everything_known.solve()?;
-    let rss = left(&x);
-    let parts = |weight: f64| -> Vec<Normal> {
-        let of = |b: &Factor| {
-            let mut out = Normal::zeros(n);
-            out.add(b, base_weight);
-            out.plus(&of_torque(&|t| t.trial == b.trial && t.stretch == b.stretch), weight)
-        };
-        rows.base.iter().map(of).collect()
-    };
-    let spread = spread_of(&everything_known, &prior, &parts(unit), first_own..n)?;
-    let half_of = |at: usize| {
-        let (sd, freedom) = spread[at - first_own];
-        aloft_identify::half95(sd, freedom).unwrap_or(f64::INFINITY)
-    };
-    let of_body = prior.plus(&base, 1.0).plus(&torque, best * unit);
-    let (inertial, _) = of_body.solve()?;
-    let inertial_spread = spread_of(&of_body, &prior, &parts(best * unit), 0..p)?;
-    let joints = robot
-        .joints
-        .iter()
-        .enumerate()
-        .map(|(j, joint)| {
-            let estimate = |k: usize| {
-                let at = first_own + UNKNOWNS.len() * j + k;
-                let half = half_of(at);
-                Estimate { value: x[at], ci95: [x[at] - half, x[at] + half], nominal: nominal[UNKNOWNS.len() * j + k] }
-            };
-            let error = estimate(GAIN);
-            let gain = |e: f64| 1.0 / (1.0 + e);
-            JointEstimate {
-                name: joint.name.clone(),
-                armature: estimate(0),
-                damping: estimate(1),
-                friction: estimate(2),
-                gain: Estimate {
-                    value: gain(error.value),
-                    ci95: [gain(error.ci95[1]), gain(error.ci95[0])],
-                    nominal: 1.0,
-                },
-                delay_s: estimate(4),
-            }
-        })
-        .collect();
-    let of_laws = first_own + UNKNOWNS.len() * robot.joints.len();
-    let laws = (of_laws..n)
-        .map(|at| {
-            let half = half_of(at);
-            LawEstimate { name: columns.effects[at - p].clone(), value: x[at], ci95: [x[at] - half, x[at] + half] }
-        })
-        .collect();
-    Some(JointFit {
-        joints,
-        laws,
-        weight: best,
-        tried,
-        base_names: rows.torque[0].columns.parameters.clone(),
-        base: inertial.rows(0, p).iter().copied().collect(),
-        base_sd: inertial_spread.iter().map(|s| s.0).collect(),
-        torque_ratio: (rss / count.max(1) as f64).sqrt(),
-        rows: count,
+fn total<'n>(n: usize, parts: impl Iterator<Item = &'n Normal>) -> Normal {
+    parts.fold(Normal::zeros(n), |mut sum, part| {
+        sum.matrix += &part.matrix;
+        sum.right += &part.right;
+        sum
     })
+}
+
+/// The fit with a share of the noise's variance subtracted.
+fn fit(robot: &RobotModel, rows: &JointRows<'_>, corrected: f64) -> Option<JointFit> {
+    let problem = Problem::of(robot, rows, corrected)?;
+    let mut about = vec![About::default(); robot.joints.len()];
+    let mut linear = problem.linear(&about)?;
+    for _ in 1..ROUNDS {
+        for (j, about) in about.iter_mut().enumerate() {
+            let own = problem.first_own + UNKNOWNS.len() * j;
+            *about = About { gain_error: linear.x[own + GAIN], delay_s: linear.x[own + DELAY] };
+        }
+        linear = problem.linear(&about)?;
+    }
+    problem.result(&linear)
+}
+
+impl<'a> Problem<'a> {
+    fn of(robot: &'a RobotModel, rows: &'a JointRows<'a>, corrected: f64) -> Option<Self> {
+        let p = rows.prior.mean.len();
+        let columns = &rows.torque.first()?.columns;
+        let bends = columns.effects.iter().filter(|name| name.ends_with(&format!(".{BEND}"))).count();
+        let n = (columns.len() - 1).checked_sub(2 * bends)?;
+        if bends != robot.joints.len()
+            || rows.torque.iter().any(|f| f.columns != *columns)
+            || rows.noise.len() != rows.torque.len()
+        {
+            return None;
+        }
+        // effects of the base rows stand before the joints' own unknowns, laws of joints after them
+        let own = format!("{}.{}", robot.joints.first()?.name, UNKNOWNS[0]);
+        let first_own = p + columns.effects.iter().position(|name| *name == own)?;
+        if rows.base.iter().any(|f| f.columns.len() != first_own + 1) {
+            return None;
+        }
+        let (prior, nominal) = before(robot, rows, first_own, n)?;
+        let weight = rows.base_row_sd.powi(-2);
+        let base = rows.base.par_iter().map(|f| {
+            let mut out = Normal::zeros(n);
+            out.add(f, weight);
+            out
+        });
+        let base = base.collect();
+        Some(Self { robot, rows, n, first_own, corrected, prior, nominal, base })
+    }
+
+    /// Torque rows linearised about gains and delays, and the answer with them.
+    fn linear(&self, about: &[About]) -> Option<Linear> {
+        let rows = self.rows;
+        let flights: Vec<(DMatrix<f64>, Normal)> = rows
+            .torque
+            .par_iter()
+            .zip(rows.noise)
+            .map(|(factor, noise)| {
+                let of_flight = linearised(factor, self.first_own, about);
+                let mut normal = Normal::zeros(self.n);
+                normal.add_rows(&of_flight, 1.0);
+                for (j, variance) in noise.iter().enumerate() {
+                    let gain = self.first_own + UNKNOWNS.len() * j + GAIN;
+                    normal.matrix[(gain, gain)] -= self.corrected * variance;
+                    normal.right[gain] += self.corrected * variance;
+                }
+                (of_flight, normal)
+            })
+            .collect();
+        let left = |x: &DVector<f64>| {
+            let squares = flights.iter().map(|(r, _)| (r.columns(0, self.n) * x - r.column(self.n)).norm_squared());
+            let count: usize = rows.torque.iter().map(|f| f.n_rows).sum();
+            (squares.sum::<f64>() / count.max(1) as f64).sqrt()
+        };
+        let known = self.prior.plus(&total(self.n, self.base.iter()), 1.0);
+        let torque = total(self.n, flights.iter().map(|f| &f.1));
+        // the spread of torque rows about the base rows' answer: their scale, once and for all
+        let first = known.plus(&torque, 1e-3).solution()?;
+        let unit = left(&first).max(1.0).powi(-2);
+        let x = known.plus(&torque, unit).solution()?;
+        let ratio = left(&x);
+        Some(Linear { torque: flights.into_iter().map(|f| f.1).collect(), unit, x, ratio })
+    }
+
+    /// Values with intervals, and the weight of the torque rows for the body.
+    fn result(&self, linear: &Linear) -> Option<JointFit> {
+        let Self { robot, rows, n, first_own, .. } = *self;
+        let p = rows.prior.mean.len();
+        let columns = &rows.torque.first()?.columns;
+        let Linear { torque, unit, x, ratio } = linear;
+        let mut names: Vec<&str> = rows.base.iter().map(|f| f.trial.as_str()).collect();
+        names.dedup();
+        // with a single recording, flights are left out instead
+        let groups: Vec<(&str, Option<usize>)> = if names.len() < 2 {
+            rows.base.iter().map(|f| (f.trial.as_str(), Some(f.stretch))).collect()
+        } else {
+            names.iter().map(|n| (*n, None)).collect()
+        };
+        let folds: Vec<(Normal, Normal, Vec<&Factor>)> = groups
+            .iter()
+            .map(|(trial, flight)| {
+                let held = |f: &Factor| f.trial == *trial && flight.is_none_or(|s| s == f.stretch);
+                let kept = |factors: &'a [Factor], parts: &[Normal]| {
+                    total(n, factors.iter().zip(parts).filter(|(f, _)| !held(f)).map(|(_, part)| part))
+                };
+                (
+                    self.prior.plus(&kept(rows.base, &self.base), 1.0),
+                    kept(rows.torque, torque),
+                    rows.base.iter().filter(|f| held(f)).collect(),
+                )
+            })
+            .collect();
+        let tried = WEIGHTS.par_iter().map(|weight| {
+            let (mut sum, mut count) = (0.0, 0);
+            for (known, torque, held) in &folds {
+                let (s, c) = squares(held, &known.plus(torque, weight * unit).solution()?);
+                (sum, count) = (sum + s, count + c);
+            }
+            Some(Tried { weight: *weight, held_out_rms: (sum / count.max(1) as f64).sqrt() })
+        });
+        let tried: Vec<Tried> = tried.collect::<Option<_>>()?;
+        let best = tried.iter().min_by(|a, b| a.held_out_rms.total_cmp(&b.held_out_rms))?.weight;
+        // joints: with the base rows in full weight, torque rows in their own
+        let known = self.prior.plus(&total(n, self.base.iter()), 1.0);
+        let all = total(n, torque.iter());
+        let parts = |weight: f64| -> Vec<Normal> {
+            let of = |(b, base): (&Factor, &Normal)| {
+                let own = rows.torque.iter().zip(torque).filter(|(t, _)| t.trial == b.trial && t.stretch == b.stretch);
+                base.plus(&total(n, own.map(|o| o.1)), weight)
+            };
+            rows.base.iter().zip(&self.base).map(of).collect()
+        };
+        let spread = spread_of(&known.plus(&all, *unit), &self.prior, &parts(*unit), first_own..n)?;
+        let half_of = |at: usize| {
+            let (sd, freedom) = spread[at - first_own];
+            aloft_identify::half95(sd, freedom).unwrap_or(f64::INFINITY)
+        };
+        let of_body = known.plus(&all, best * unit);
+        let inertial = of_body.solution()?;
+        let inertial_spread = spread_of(&of_body, &self.prior, &parts(best * unit), 0..p)?;
+        let joints = robot
+            .joints
+            .iter()
+            .enumerate()
+            .map(|(j, joint)| {
+                let estimate = |k: usize| {
+                    let at = first_own + UNKNOWNS.len() * j + k;
+                    let half = half_of(at);
+                    Estimate {
+                        value: x[at],
+                        ci95: [x[at] - half, x[at] + half],
+                        nominal: self.nominal[UNKNOWNS.len() * j + k],
+                    }
+                };
+                let error = estimate(GAIN);
+                let gain = |e: f64| 1.0 / (1.0 + e);
+                JointEstimate {
+                    name: joint.name.clone(),
+                    armature: estimate(0),
+                    damping: estimate(1),
+                    friction: estimate(2),
+                    gain: Estimate {
+                        value: gain(error.value),
+                        ci95: [gain(error.ci95[1]), gain(error.ci95[0])],
+                        nominal: 1.0,
+                    },
+                    delay_s: estimate(4),
+                }
+            })
+            .collect();
+        let of_laws = first_own + UNKNOWNS.len() * robot.joints.len();
+        let laws = (of_laws..n)
+            .map(|at| {
+                let half = half_of(at);
+                LawEstimate { name: columns.effects[at - p].clone(), value: x[at], ci95: [x[at] - half, x[at] + half] }
+            })
+            .collect();
+        Some(JointFit {
+            joints,
+            laws,
+            weight: best,
+            tried,
+            base_names: rows.torque[0].columns.parameters.clone(),
+            base: inertial.rows(0, p).iter().copied().collect(),
+            base_sd: inertial_spread.iter().map(|s| s.0).collect(),
+            torque_ratio: *ratio,
+            rows: rows.torque.iter().map(|f| f.n_rows).sum(),
+        })
+    }
 }

@@ -80,6 +80,17 @@ fn time_of(columns: &Columns) -> Result<Vec<f64>, RobotError> {
     };
     for (row, pair) in values.windows(2).enumerate() {
         if pair[0].partial_cmp(&pair[1]) != Some(std::cmp::Ordering::Less) {
+            if pair[0] == pair[1] {
+                return Err(RobotError::log(
+                    &columns.file,
+                    format!(
+                        "{}: `{name}` is {} once more, expected a time that grows",
+                        columns.place(row + 1),
+                        pair[1]
+                    ),
+                    "a row that was logged twice, or times with too few digits (single precision): remove the row, or write more digits",
+                ));
+            }
             let what = if pair[1].is_nan() || pair[0].is_nan() {
                 format!("`{name}` is missing")
             } else {

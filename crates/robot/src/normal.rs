@@ -32,6 +32,11 @@ impl Normal {
     pub fn plus(&self, other: &Self, weight: f64) -> Self {
         Self { matrix: &self.matrix + &other.matrix * weight, right: &self.right + &other.right * weight }
     }
+    /// Solution alone.
+    pub fn solution(&self) -> Option<DVector<f64>> {
+        let right = DMatrix::from_column_slice(self.right.len(), 1, self.right.as_slice());
+        Some(Solver::of(&self.matrix)?.solve(&right).column(0).into_owned())
+    }
     /// Solution and covariance.
     pub fn solve(&self) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let n = self.right.len();

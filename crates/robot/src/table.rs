@@ -95,9 +95,17 @@ impl Columns {
     /// [`RobotError::Table`] if the columns differ in length or have no rows.
     pub fn of(file: &str, columns: Vec<(String, Vec<f64>)>) -> Result<Self, RobotError> {
         let height = columns.first().map_or(0, |c| c.1.len());
-        if height == 0 || columns.iter().any(|c| c.1.len() != height) {
-            let problem = "the table has no rows, or columns of different lengths".to_owned();
-            return Err(RobotError::Table { file: file.to_owned(), line: None, problem });
+        let problem = if columns.is_empty() {
+            "no column holds numbers (text is not read as numbers)"
+        } else if height == 0 {
+            "a table without rows"
+        } else if columns.iter().any(|c| c.1.len() != height) {
+            "columns of different lengths"
+        } else {
+            ""
+        };
+        if !problem.is_empty() {
+            return Err(RobotError::Table { file: file.to_owned(), line: None, problem: problem.to_owned() });
         }
         let (names, values) = columns.into_iter().unzip();
         Ok(Self { file: file.to_owned(), names, values, lines: false })

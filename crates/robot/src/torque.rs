@@ -32,12 +32,16 @@ use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 /// Names of a joint's unknowns, in the order of their columns.
 pub const UNKNOWNS: [&str; 5] = ["armature", "damping", "friction", "gain_error", "delay"];
 
-/// Last part of the name of the column of half the squared delay ([`TorqueRows::bend`]).
+/// Last parts of the names of the columns of the delay's square and cube ([`TorqueRows::bends`]).
 pub(crate) const BEND: &str = "delay_squared";
+const TWIST: &str = "delay_cubed";
 
 /// Share of a joint's torque (root mean square over the stretch) by which a row may be wrong in any
 /// case.
 const MODEL_SHARE: f64 = 0.01;
+
+/// Power of the test functions.
+const POWER: u32 = 5;
 
 /// Rate below which a joint may stick, rad/s (m/s).
 const NEAR_REST: f64 = 2.0 * SURE_OF_SIGN;
@@ -92,8 +96,9 @@ pub fn torque_factor(
     let first_row: Vec<usize> = (0..rows.n_joints()).map(|j| moving[..j].iter().map(Vec::len).sum()).collect();
     // a flight in which every joint rests keeps one row of zeros
     let height: usize = moving.iter().map(Vec::len).sum::<usize>().max(1);
-    let mut whole = DMatrix::zeros(height, p + extra + wide + rows.n_joints() + 1);
+    let mut whole = DMatrix::zeros(height, p + extra + wide + 2 * rows.n_joints() + 1);
     let weight = (rows.sensor_sd_nm() * rows.area_s()).recip();
+    let mut left = Vec::new();
     for j in 0..rows.n_joints() {
         let mut put = |column: usize, values: &DVector<f64>| {
             for (row, (w, _)) in moving[j].iter().enumerate() {
@@ -115,13 +120,24 @@ pub fn torque_factor(
                 put(p + extra + c, column);
             }
         }
-        put(p + extra + wide + j, &rows.bend(j));
-        put(p + extra + wide + rows.n_joints(), &rows.measured(j));
+        for (k, column) in rows.bends(j).iter().enumerate() {
+            put(p + extra + wide + 2 * j + k, column);
+        }
+        put(p + extra + wide + 2 * rows.n_joints(), &rows.measured(j));
+        // what reversals add to the rows is taken out of them
+        let own = first_row[j]..first_row[j] + moving[j].len();
+        let at: Vec<usize> = moving[j].iter().map(|m| m.0).collect();
+        let unknown = orthonormal(&rows.reversals(j).select_rows(&at));
+        let mut part = whole.rows_mut(own.start, own.len());
+        let along = unknown.transpose() * &part;
+        part -= &unknown * along;
+        let noise = rows.noise_correlation().select_rows(&at).select_columns(&at);
+        left.push(at.len() as f64 - (unknown.transpose() * noise * &unknown).trace());
     }
     let carried = effects.carried.iter().map(|c| c.0.clone());
     let own = rows.joints.list.iter().flat_map(|j| UNKNOWNS.iter().map(move |u| format!("{}.{u}", j.name)));
     let names = effects.joints.iter().flat_map(|e| e.names(source.scene));
-    let bends = rows.joints.list.iter().map(|j| format!("{}.{BEND}", j.name));
+    let bends = rows.joints.list.iter().flat_map(|j| [BEND, TWIST].map(|bend| format!("{}.{bend}", j.name)));
     let columns = Columns {
         parameters: base.parameters.iter().map(|b| b.name.clone()).collect(),
         effects: carried.chain(own).chain(names).chain(bends).collect(),
@@ -130,7 +146,7 @@ pub fn torque_factor(
     let matrix = Mat::from_fn(whole.nrows(), whole.ncols(), |i, k| whole[(i, k)]);
     let factor = Factor::from_rows(stretch, RowKind::Weak, columns, matrix.as_ref())?;
     let share = |j: usize| (source.torques.white_nm.get(j).copied().unwrap_or(0.0) / source.torques.sd_nm).powi(2);
-    let noise = moving.iter().enumerate().map(|(j, m)| share(j) * m.len() as f64).collect();
+    let noise = left.iter().enumerate().map(|(j, rows)| share(j) * rows).collect();
     Ok((factor, noise))
 }
 
@@ -175,7 +191,7 @@ impl TorqueRows {
         let n = end - start;
         let joints = Joints::of(model, robot);
         let half = ((window_s * motion.rate_hz / 2.0).round() as usize).saturating_sub(4).max(MIN_HALF_WINDOW);
-        let test = TestFunction::new(half, 5, motion.rate_hz)?;
+        let test = TestFunction::new(half, POWER, motion.rate_hz)?;
         let hop = ((0.25 * test.length_s() * motion.rate_hz) as usize).max(1);
         // three frames at both ends have velocities of lower order
         let centres = window_centres(3, n.saturating_sub(3), half, hop);
@@ -269,10 +285,50 @@ impl TorqueRows {
         ]
     }
 
-    /// Column of half the square of the delay: what the first order of the delay leaves out.
-    pub fn bend(&self, j: usize) -> DVector<f64> {
+    /// Columns of half the square and of a sixth of the cube of the delay: what the first order of
+    /// the delay leaves out.
+    pub fn bends(&self, j: usize) -> [DVector<f64>; 2] {
         let torque = &self.torque[j];
-        self.sums(|f, [_, _, bend]| -bend * torque[f])
+        let half = self.test.half;
+        let reach_s = self.test.length_s() / 2.0;
+        let third = |i: usize| {
+            let x = self.test.time_s(i) / reach_s;
+            let u = 1.0 - x * x;
+            (240.0 * x * u.powi(3) - 480.0 * x.powi(3) * u * u) * self.test.step_s / reach_s.powi(3)
+        };
+        let third: Vec<f64> = (0..self.test.n_frames()).map(third).collect();
+        let window = |centre: &usize| third.iter().enumerate().map(|(i, w)| w * torque[centre - half + i]).sum::<f64>();
+        [
+            self.sums(|f, [_, _, bend]| -bend * torque[f]),
+            DVector::from_iterator(self.centres.len(), self.centres.iter().map(window)),
+        ]
+    }
+
+    /// What an impulse at each reversal of the joint adds to its rows, windows × reversals.
+    ///
+    /// Around a reversal the friction is not that of its law: it turns over a short way, a sampled
+    /// torque shows the jump up to one frame late, and noise of the encoder moves the instant at
+    /// which the rate changes its sign. All this is short against a window, so that it acts as an
+    /// impulse of unknown size.
+    fn reversals(&self, j: usize) -> DMatrix<f64> {
+        let v = &self.v[j];
+        let at: Vec<f64> = (1..v.len())
+            .filter(|&f| (v[f] > 0.0) != (v[f - 1] > 0.0))
+            .map(|f| f as f64 - v[f] / (v[f] - v[f - 1]))
+            .collect();
+        let reach = (self.test.half + 1) as f64;
+        DMatrix::from_fn(self.centres.len(), at.len(), |w, k| {
+            let x = (at[k] - self.centres[w] as f64) / reach;
+            (1.0 - x * x).max(0.0).powi(POWER as i32)
+        })
+    }
+
+    /// Correlation of the noise of rows, which overlap.
+    fn noise_correlation(&self) -> DMatrix<f64> {
+        let psi = &self.test.psi;
+        let at = |shift: usize| psi.iter().skip(shift).zip(psi).map(|(a, b)| a * b).sum::<f64>();
+        let n = self.centres.len();
+        DMatrix::from_fn(n, n, |a, b| at(self.centres[a].abs_diff(self.centres[b])) / at(0))
     }
 
     /// Share of each window in which the joint is near rest. There its friction is that of
@@ -321,6 +377,26 @@ impl TorqueRows {
         let noise: f64 = self.test.psi.iter().map(|p| p * p).sum();
         self.sd_nm * noise.sqrt() / self.area_s()
     }
+}
+
+/// Orthonormal basis of the columns of a matrix.
+fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
+    let mut out: Vec<DVector<f64>> = Vec::new();
+    for column in columns.column_iter() {
+        let size = column.norm();
+        let mut rest = column.into_owned();
+        // twice: the second pass removes rounding errors
+        for _ in 0..2 {
+            for unit in &out {
+                let along = unit.dot(&rest);
+                rest.axpy(-along, unit, 1.0);
+            }
+        }
+        if rest.norm() > 1e-3 * size && size > 1e-6 {
+            out.push(rest.normalize());
+        }
+    }
+    if out.is_empty() { DMatrix::zeros(columns.nrows(), 0) } else { DMatrix::from_columns(&out) }
 }
 
 /// How large measured torques are against what a model needs for the same motion: slope and

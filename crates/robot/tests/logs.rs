@@ -285,6 +285,25 @@ fn bad_logs_give_one_clear_line() {
             base.clone(),
             "the columns of the accelerometer hold no number",
         ),
+        (
+            edit(&log, &|i, f| {
+                let q: f64 = f[1].parse().unwrap_or(0.0);
+                if i > 0 && q > 0.5 {
+                    f[1] = (q - std::f64::consts::TAU).to_string()
+                }
+            }),
+            base.clone(),
+            "the position of the joint `shoulder` jumps from 0.4",
+        ),
+        (
+            edit(&log, &|i, f| {
+                if i == 31 {
+                    f[0] = "0.058".to_owned()
+                }
+            }),
+            base.clone(),
+            "line 32: `time_s` is 0.058 once more",
+        ),
         (log.replace("0.400,", "0.400,x"), base.clone(), "line 202: column `q_shoulder_rad` holds"),
         (
             log.clone(),

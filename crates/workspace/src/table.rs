@@ -103,17 +103,16 @@ pub fn read_frame(path: &Path) -> Result<DataFrame, PipelineError> {
     parquet::read(bytes).map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
 }
 
-/// Reads Parquet of another program: every column of whole or floating-point numbers; others are
-/// left out.
+/// Reads Parquet of another program: every column of numbers or truth values; of points in time and
+/// durations seconds, a unit at the end of their name changed to `_s`. Other columns are left out.
 pub fn read_numbers(path: &Path) -> Result<Table, PipelineError> {
-    let table_error = |e: PolarsError| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() };
     let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
-    let frame = parquet::read(bytes).map_err(table_error)?;
+    let columns = parquet::read_numbers(&bytes)
+        .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })?;
     let mut table = Table::default();
-    for column in frame.columns().iter().filter(|c| c.dtype().is_primitive_numeric()) {
-        let wide = column.cast(&DataType::Float64).map_err(table_error)?;
-        let values = wide.f64().map_err(table_error)?;
-        table.push(column.name().as_str(), values.iter().map(|v| v.unwrap_or(f64::NAN)).collect());
+    for (name, values, time) in columns {
+        let stem = ["_ns", "_us", "_ms"].iter().find_map(|unit| name.strip_suffix(unit)).filter(|_| time);
+        table.push(stem.map_or_else(|| name.clone(), |stem| format!("{stem}_s")), values);
     }
     Ok(table)
 }

@@ -25,7 +25,7 @@ use std::collections::HashMap;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "identify",
-    version: 7,
+    version: 8,
     scope: Scope::Session,
     seconds: 0.3,
     reads: "all factors",

@@ -48,7 +48,7 @@ fn columns(file: &Path) -> Result<Columns, StageFailure> {
     let shown = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("parquet")) {
         let table = read_numbers(file).map_err(|e| {
-            let hint = "write the file again with `compression=\"snappy\"` (`to_parquet` of pandas, `write_parquet` of polars), or as CSV";
+            let hint = "write the file again (`to_parquet` of pandas, `write_parquet` of polars; compression zstd, snappy, gzip or none), or as CSV";
             StageFailure::with_hint(e.to_string(), hint).because(QcReason::UnreadableFile)
         })?;
         return Columns::of(&shown, table.into_columns()).map_err(|e| failed(&e));
