@@ -35,6 +35,7 @@ mod robot_joint_coverage;
 mod robot_joints;
 mod robot_markers;
 mod robot_next;
+mod second_effect;
 mod settings;
 mod several_effects;
 #[path = "../shared_data.rs"]

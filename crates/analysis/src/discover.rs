@@ -16,7 +16,7 @@ use aloft_discover::{
     SelfTestProgress, Session, Staged, StagedCoefficient, TrialDraws, TrialInput, Verdict, discover as rank, scene_of,
 };
 use aloft_effects::{Effect, EffectInstance, PlateSeries};
-use aloft_flight::FlightReport;
+use aloft_flight::{FlightReport, PlateTare, TareSource};
 use aloft_identify::{EffectEstimate, LinkPrior, Prior};
 use aloft_pipeline::graph::results_hash;
 use aloft_pipeline::stages::below_weak_rows;
@@ -240,6 +240,17 @@ fn same_plates(rows: &mut [TrialRows]) -> Vec<Vector3<f64>> {
     names.into_iter().map(|(_, c)| c).collect()
 }
 
+/// True if every recording with plates shows what they read without a load.
+fn zeros_are_known(session: &SubjectSession) -> bool {
+    let ws = Workspace::open(&session.workspace);
+    let dynamic = session.included().filter(|t| t.role.is_dynamic());
+    let tares: Vec<PlateTare> = dynamic
+        .filter_map(|t| read_json::<Vec<PlateTare>>(&ws.place("flight", &t.name).join("tare.json")).ok())
+        .flatten()
+        .collect();
+    !tares.is_empty() && tares.iter().all(|t| t.source != TareSource::None)
+}
+
 /// Held-out error and noise floor that the comparison found in flight or in contact; none without a
 /// comparison.
 fn standing(session: &SubjectSession, place: &str) -> Option<HeldOutResult> {
@@ -319,6 +330,10 @@ fn found(
     let to_correct = view.as_ref().and_then(|v| v.to_correct.clone());
     let errors = view.map(|v| v.errors).unwrap_or_default();
     let mut options = options.clone();
+    if options.only.is_empty() && zeros_are_known(session) {
+        let shown = bench.effects.iter().filter(|e| e.about().shows_unloaded).map(|e| e.id().to_owned());
+        options.without.extend(shown);
+    }
     let mut refused = Vec::new();
     // the effects that were last computed by the stages, and their errors
     let last: Mutex<Option<(Vec<Found>, Vec<HeldOutError>)>> = Mutex::new(None);

@@ -21,6 +21,8 @@ use aloft_effects::{Effect, EffectInstance, Target};
 
 /// Most sweeps over all effects found.
 const SWEEPS: usize = 3;
+/// Ratio of held-out errors (root mean square) up to which other effects count as no loss.
+const LOSS: f64 = 1.03;
 
 /// What the rounds of a discovery found, to be judged again.
 pub(crate) struct Several<'m, 'a> {
@@ -58,6 +60,15 @@ pub(crate) fn judge_each_beside_the_others<'a>(
     if kept.iter().filter(|v| here(v)).count() < 2 {
         return false;
     }
+    // a pair that stands beside other answers, which have no place beside one half of it
+    let of_pair = |r: &&Round| r.joined.len() == 2 && r.effects.iter().any(|id| !r.joined.contains(id));
+    let pairs: Vec<String> = rounds.iter().filter(of_pair).flat_map(|r| r.joined.clone()).collect();
+    let error = |kept: &[Variant<'_>]| {
+        let extra = extra_columns(session, domain, accepted, kept, &[]);
+        let joint = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight);
+        joint.map_or(f64::INFINITY, |p| p.plain())
+    };
+    let (kept_before, found_before) = (kept.clone(), found.clone());
     let mut judged: Vec<Judged> =
         found.iter().map(|f| Judged { first: f.effect.clone(), again: None, replaced: false }).collect();
     let (mut any_replaced, rigid) = (false, session.prior.is_none());
@@ -65,7 +76,7 @@ pub(crate) fn judge_each_beside_the_others<'a>(
         let mut changed = false;
         let mut i = 0;
         while i < kept.len() {
-            if !here(&kept[i]) {
+            if !here(&kept[i]) || pairs.contains(&found[i].effect) {
                 i += 1;
                 continue;
             }
@@ -112,6 +123,11 @@ pub(crate) fn judge_each_beside_the_others<'a>(
             break;
         }
         refit_found(session, accepted, kept, found, options);
+    }
+    if any_replaced && error(kept) > LOSS * LOSS * error(&kept_before) {
+        // no answer that explains less takes the place of the rounds
+        (*kept, *found) = (kept_before, found_before);
+        return false;
     }
     // what an earlier round named stands only for effects that could not be judged again
     let stays: Vec<String> = judged.iter().filter(|j| j.again.is_none()).map(|j| j.first.clone()).collect();

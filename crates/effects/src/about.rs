@@ -151,6 +151,9 @@ pub struct About<'a> {
     /// True if free fall in flights alone, without plates or a model, reveals the errors of time,
     /// length or weight that resemble it.
     pub shows_in_free_fall: bool,
+    /// True for an error that the readings of unloaded plates show directly: it is not sought where
+    /// every recording has such readings.
+    pub shows_unloaded: bool,
     /// Reason why coefficients have no bound; empty if each has two.
     pub unbounded: &'a str,
     /// Markdown with the headings Physics, Equation, Identifiability, References.
@@ -177,6 +180,7 @@ impl About<'_> {
         repeats: false,
         uses_session_time: false,
         shows_in_free_fall: false,
+        shows_unloaded: false,
         unbounded: "",
         documentation: "",
     };

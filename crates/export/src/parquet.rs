@@ -15,8 +15,10 @@ use polars_parquet::write::{
     CompressionOptions, Compressor, DynIter, DynStreamingIterator, Encoding, FallibleStreamingIterator, FileWriter,
     StatisticsOptions, Version, WriteOptions, array_to_columns,
 };
+use std::cell::Cell;
 use std::io::{Cursor, Write};
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
+use std::sync::Once;
 
 /// Compression of a data frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -157,8 +159,12 @@ fn damaged(problem: String) -> PolarsError {
 
 /// Footer and types of a file.
 fn opened(bytes: &[u8]) -> PolarsResult<(FileMetadata, ArrowSchema)> {
-    let metadata = read_metadata(&mut Cursor::new(bytes))?;
-    let schema = infer_schema(&metadata)?;
+    let footer = || -> PolarsResult<(FileMetadata, ArrowSchema)> {
+        let metadata = read_metadata(&mut Cursor::new(bytes))?;
+        let schema = infer_schema(&metadata)?;
+        Ok((metadata, schema))
+    };
+    let (metadata, schema) = guarded(footer).ok_or_else(|| damaged("its footer is damaged".to_owned()))??;
     let groups = metadata.row_groups.iter().map(|g| g.num_rows() as u64).fold(0, u64::saturating_add);
     let rows = metadata.num_rows as u64;
     if rows != groups {
@@ -173,8 +179,33 @@ fn opened(bytes: &[u8]) -> PolarsResult<(FileMetadata, ArrowSchema)> {
     Ok((metadata, schema))
 }
 
-/// One column of a file.
+/// The result of a decoder of another library, `None` where it panics. Its message is not printed.
+fn guarded<T>(decode: impl FnOnce() -> T) -> Option<T> {
+    thread_local! {
+        static GUARDED: Cell<bool> = const { Cell::new(false) };
+    }
+    static QUIET: Once = Once::new();
+    QUIET.call_once(|| {
+        let usual = take_hook();
+        set_hook(Box::new(move |panic| {
+            if !GUARDED.get() {
+                usual(panic);
+            }
+        }));
+    });
+    GUARDED.set(true);
+    let out = catch_unwind(AssertUnwindSafe(decode));
+    GUARDED.set(false);
+    out.ok()
+}
+
+/// One column of a file. polars' decoder panics on some pages whose levels or values are damaged.
 fn column(bytes: &[u8], metadata: &FileMetadata, field: &ArrowField, unpacker: &mut Unpacker) -> PolarsResult<Column> {
+    guarded(|| decoded(bytes, metadata, field, unpacker))
+        .ok_or_else(|| damaged(format!("column `{}`: its pages are damaged", field.name)))?
+}
+
+fn decoded(bytes: &[u8], metadata: &FileMetadata, field: &ArrowField, unpacker: &mut Unpacker) -> PolarsResult<Column> {
     let named = |problem: String| damaged(format!("column `{}`: {problem}", field.name));
     let mut chunks = Vec::new();
     for group in &metadata.row_groups {
@@ -197,9 +228,7 @@ fn column(bytes: &[u8], metadata: &FileMetadata, field: &ArrowField, unpacker: &
             pages.push(BasicDecompressor::new(reader, vec![]));
             types.push(&column.descriptor().descriptor.primitive_type);
         }
-        // polars' decoder panics on some pages whose levels or values are damaged
-        let decoded = catch_unwind(AssertUnwindSafe(|| column_iter_to_arrays(pages, types, field.clone(), None)));
-        let arrays = decoded.map_err(|_| named("its pages are damaged".to_owned()))??.0;
+        let arrays = column_iter_to_arrays(pages, types, field.clone(), None)?.0;
         if arrays.iter().map(|a| a.len()).sum::<usize>() != group.num_rows() {
             return Err(named("its pages do not have the stated number of rows".to_owned()));
         }

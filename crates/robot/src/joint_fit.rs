@@ -7,7 +7,7 @@
 
 use crate::model::{RobotJoint, RobotModel};
 use crate::normal::{Normal, Solver};
-use crate::torque::{BEND, UNKNOWNS};
+use crate::torque::{BEND, GAIN, UNKNOWNS};
 use aloft_identify::{Prior, satterthwaite};
 use aloft_regressor::Factor;
 use nalgebra::{DMatrix, DVector};
@@ -17,8 +17,7 @@ use std::ops::Range;
 
 /// Weights of torque rows that are tried, relative to rows of their own spread.
 const WEIGHTS: [f64; 5] = [0.0, 0.03, 0.1, 0.3, 1.0];
-/// Places of the gain's error and of the delay among [`UNKNOWNS`].
-const GAIN: usize = 3;
+/// Place of the delay among [`UNKNOWNS`].
 const DELAY: usize = 4;
 /// Rounds in which gain and delay are linearised about the last estimate.
 const ROUNDS: usize = 4;

@@ -19,7 +19,7 @@
 //! from residuals would shrink every gain to zero.
 
 use crate::joint_evidence::{WINDOW_S, moving};
-use crate::model::RobotModel;
+use crate::model::{RobotJoint, RobotModel};
 use aloft_body::{BaseParameters, JointKind, Model, Motion, Phi, State};
 use aloft_effects::{EffectInstance, JointSeries, SURE_OF_SIGN, Scene, Target};
 use aloft_regressor::test_function::MIN_HALF_WINDOW;
@@ -31,6 +31,9 @@ use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
 /// Names of a joint's unknowns, in the order of their columns.
 pub const UNKNOWNS: [&str; 5] = ["armature", "damping", "friction", "gain_error", "delay"];
+
+/// Place of the gain's error among them.
+pub(crate) const GAIN: usize = 3;
 
 /// Last parts of the names of the columns of the delay's square and cube ([`TorqueRows::bends`]).
 pub(crate) const BEND: &str = "delay_squared";
@@ -399,20 +402,31 @@ fn orthonormal(columns: &DMatrix<f64>) -> DMatrix<f64> {
     if out.is_empty() { DMatrix::zeros(columns.nrows(), 0) } else { DMatrix::from_columns(&out) }
 }
 
-/// How large measured torques are against what a model needs for the same motion: slope and
-/// correlation over all rows. A slope far from 1 is another unit or the opposite sign. None without
-/// rows.
-pub fn size(robot: &RobotModel, base: &BaseParameters, prior: &[Phi], factors: &[Factor]) -> Option<(f64, f64)> {
+/// The model's values before identification: its base parameters, and what its file says of joints.
+fn nominal(robot: &RobotModel, base: &BaseParameters, prior: &[Phi], factors: &[Factor]) -> Option<DVector<f64>> {
     let p = base.len();
     // unknowns of effects are zero: a wrong unit shows without them
     let columns = &factors.first()?.columns;
     let mut x = DVector::zeros(columns.len() - 1);
     x.rows_mut(0, p).copy_from(&base.regroup(prior));
     for joint in &robot.joints {
-        let first = format!("{}.{}", joint.name, UNKNOWNS[0]);
-        let first = p + columns.effects.iter().position(|n| *n == first)?;
+        let first = first_of(joint, p, columns)?;
         (x[first], x[first + 1], x[first + 2]) = (joint.armature, joint.damping, joint.friction);
     }
+    Some(x)
+}
+
+/// Place of the first of a joint's unknowns among the columns.
+fn first_of(joint: &RobotJoint, p: usize, columns: &Columns) -> Option<usize> {
+    let first = format!("{}.{}", joint.name, UNKNOWNS[0]);
+    Some(p + columns.effects.iter().position(|n| *n == first)?)
+}
+
+/// How large measured torques are against what a model needs for the same motion: slope and
+/// correlation over all rows. A slope far from 1 is another unit or the opposite sign. None without
+/// rows.
+pub fn size(robot: &RobotModel, base: &BaseParameters, prior: &[Phi], factors: &[Factor]) -> Option<(f64, f64)> {
+    let x = nominal(robot, base, prior, factors)?;
     let (mut pp, mut pm, mut mm) = (0.0, 0.0, 0.0);
     for factor in factors.iter().filter(|f| f.columns.len() == x.len() + 1) {
         // a triangle has the inner products of its rows
@@ -424,6 +438,26 @@ pub fn size(robot: &RobotModel, base: &BaseParameters, prior: &[Phi], factors: &
         mm += measured.norm_squared();
     }
     (pp > 0.0 && mm > 0.0).then(|| (pm / pp, pm / (pp * mm).sqrt()))
+}
+
+/// The torque that a model needs in each joint as a multiple of the measured one (regression over the
+/// rows of the joint), in the order of the joints: about 1, negative where the measured one has the
+/// opposite sign. NaN for a joint without torques; empty without rows.
+pub fn needed_of_measured(robot: &RobotModel, base: &BaseParameters, prior: &[Phi], factors: &[Factor]) -> Vec<f64> {
+    let Some(x) = nominal(robot, base, prior, factors) else { return Vec::new() };
+    let mut sums = vec![(0.0, 0.0); robot.joints.len()];
+    for factor in factors.iter().filter(|f| f.columns.len() == x.len() + 1) {
+        let r = factor.dense();
+        let predicted = r.columns(0, x.len()) * &x;
+        for (joint, (pm, mm)) in robot.joints.iter().zip(&mut sums) {
+            let Some(first) = first_of(joint, base.len(), &factor.columns) else { continue };
+            // the column of the gain's error is the measured torque in the rows of its joint
+            let measured = -r.column(first + GAIN);
+            *pm += predicted.dot(&measured);
+            *mm += measured.norm_squared();
+        }
+    }
+    sums.into_iter().map(|(pm, mm)| pm / mm).collect()
 }
 
 #[derive(Debug)]

@@ -10,6 +10,7 @@ const ABOUT: About<'static> = About {
     acts: ActsIn::Contact,
     family: Family::Plates,
     separated_by: Separation::KnownWeight,
+    shows_unloaded: true,
     unbounded: "amplifier offsets are arbitrary",
     documentation: "\
 ## Physics
@@ -19,7 +20,7 @@ A plate was not zeroed, or has drifted since: a constant wrench is added to what
 True wrench = measured wrench + (`F`, `c x F + N`), c the centre of the plate. Coefficients: F (N) and N (N m) in world axes, the negative of what the plate reads unloaded, moments about the centre of its surface.
 
 ## Identifiability
-Constant in the room, but seen only on the plates: flights are free of it. In a recording with flights the unloaded reading gives it directly.
+Constant in the room, but seen only on the plates: flights are free of it. Where every recording unloads the plates, these readings give it directly, and `discover` does not seek it.
 
 ## References
 Own simulations (`docs/findings/labs.md`).

@@ -11,7 +11,7 @@ use aloft_identify::{LinkPrior, Parameters};
 use aloft_regressor::{EffectColumns, Factor, Stretch};
 use aloft_robot::joint_fit::{Estimate as JointValue, JointRows, joint_fit};
 use aloft_robot::noise::white_sd;
-use aloft_robot::torque::{TorqueEffects, TorqueSource, Torques, size, torque_factor};
+use aloft_robot::torque::{TorqueEffects, TorqueSource, Torques, needed_of_measured, size, torque_factor};
 use aloft_study::effects::{KnownEffects, ModelEffects};
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::Role;
@@ -27,6 +27,9 @@ const NOISE: &str = "torque_noise.json";
 const SURE: f64 = 0.5;
 /// Torques may be off by this factor before they count as another unit.
 const ANOTHER_UNIT: f64 = 5.0;
+/// Needed torque, as a multiple of the measured one, below which the measured one has the opposite
+/// sign: masses and friction of a model file are wrong by tens of percent, not in their sign.
+const OPPOSITE: f64 = -0.3;
 
 /// Laws of joints in a model.
 pub(crate) fn laws_of_joints<'k>(
@@ -175,9 +178,16 @@ pub fn fit_joints(
         done.note("torque_rows", fit.rows);
         done.note("torque_weight", fit.weight);
         done.note("torque_ratio", fit.torque_ratio);
-        for joint in &fit.joints {
+        let needed = needed_of_measured(&robot.model, &base, &subject.prior_phi(), &torque);
+        for (joint, needed) in fit.joints.iter().zip(needed) {
             let negative = |e: &JointValue| e.ci95[1] < 0.0;
-            if negative(&joint.friction) || negative(&joint.armature) {
+            if needed < OPPOSITE {
+                done.warnings.push(format!(
+                    "the torque of the joint `{}` has the opposite sign of what its motion needs ({needed:.2} times the measured one): its \
+                     friction, reflected inertia, gain and delay are not to be used",
+                    joint.name
+                ));
+            } else if negative(&joint.friction) || negative(&joint.armature) {
                 done.warnings.push(format!(
                     "the torque of the joint `{}` would need negative friction ({:.3}) and reflected inertia ({:.4}): its column has the opposite \
                      sign of the others, or a driving law is missing; its values are not to be used",

@@ -1,0 +1,46 @@
+//! Two effects at once, judged beside each other.
+
+use crate::support::{expect, folder, json, lab, repo};
+use serde_json::Value;
+
+fn discovered(scenario: &str) -> Value {
+    let dir = folder();
+    let data = lab(&format!("fixtures/scenarios/{scenario}.yaml"), dir.path()).display().to_string();
+    let ws = dir.path().join("ws").display().to_string();
+    let words = [&repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &ws];
+    expect(&[&["run"], &words[..]].concat(), 0);
+    json(&[&["discover"], &words[..], &["--closed", "--json"]].concat())
+}
+
+fn names(list: &Value) -> Vec<&str> {
+    list.as_array().unwrap().iter().map(|e| e.as_str().unwrap()).collect()
+}
+
+/// With a limit of 90 % the second effect was never named, however many flights showed it.
+#[test]
+fn a_second_effect_that_leaves_more_than_nine_tenths_of_the_error_is_found_on_a_rigid_body() {
+    let found = discovered("chain_small_second");
+    let keys: Vec<&str> = found["found"].as_array().unwrap().iter().map(|f| f["key"].as_str().unwrap()).collect();
+    assert_eq!(keys, ["rotor[link0]", "rotational_drag"], "{}", found["words"]);
+    let round = found["rounds"].as_array().unwrap().iter().find(|r| names(&r["joined"]) == ["rotational_drag"]);
+    let ratio = round.unwrap()["candidates"][0]["held_out_ratio"].as_f64().unwrap();
+    assert!(ratio > 0.9, "{ratio}: the second effect is not small");
+}
+
+/// Each of two resistances is judged beside the other, and what the answer says of each comes from
+/// that round.
+#[test]
+fn what_is_said_of_each_of_two_effects_comes_from_a_round_beside_the_other() {
+    let found = discovered("chain_two_drags");
+    let groups: Vec<Vec<&str>> = found["groups"].as_array().unwrap().iter().map(|g| names(&g["effects"])).collect();
+    assert!(groups.len() == 2 && groups[0].contains(&"linear_drag"), "{groups:?}");
+    assert!(groups[1].contains(&"rotational_drag"), "{groups:?}");
+    let rounds = found["rounds"].as_array().unwrap();
+    let counted: Vec<&Value> =
+        rounds.iter().filter(|r| r["superseded"] == false && !names(&r["joined"]).is_empty()).collect();
+    assert_eq!(counted.len(), 2, "{rounds:?}");
+    for round in counted {
+        assert_eq!(round["model"].as_array().unwrap().len(), 1, "{round}");
+        assert!(round["words"].as_str().unwrap().starts_with("beside "), "{round}");
+    }
+}
