@@ -305,7 +305,7 @@ mod tests {
             for end in (0..whole.len()).step_by(37) {
                 assert!(read_numbers(&whole[..end]).is_err(), "{name} cut after {end} bytes");
             }
-            for at in 0..whole.len() {
+            for at in (0..whole.len()).step_by(5) {
                 for flip in [0x01, 0x80, 0xff] {
                     let mut bytes = whole.clone();
                     bytes[at] ^= flip;
