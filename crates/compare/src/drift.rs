@@ -34,9 +34,9 @@ pub struct TareReadings {
 /// Linear drift of the plates, and the times at which a recording shows them unloaded.
 #[derive(Debug, Clone)]
 pub struct PlateDrift {
-    /// Mean squares from which the variance of the rate follows: of a horizontal force, the vertical
-    /// force ((N/s)²), a horizontal moment and the vertical moment about the plate's centre
-    /// ((N·m/s)²).
+    /// Mean squares from which the variance of the rate follows: of a horizontal force, the
+    /// vertical force ((N/s)²), a horizontal moment and the vertical moment about the plate's
+    /// centre ((N·m/s)²).
     rate: [RateEstimate; 4],
     /// Centres of the plates, m.
     centres: Vec<Vector3<f64>>,
@@ -168,8 +168,8 @@ impl PlateDrift {
     }
 
     /// Sum of the plates' drifts about the world origin at `n` frames, after taring: linear between
-    /// the times at which the recording shows the plates unloaded, constant beyond. `variance` is that
-    /// of the rates.
+    /// the times at which the recording shows the plates unloaded, constant beyond. `variance` is
+    /// that of the rates.
     pub(crate) fn draw(
         &self,
         variance: &Vector6<f64>,

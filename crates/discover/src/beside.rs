@@ -42,8 +42,8 @@ struct Judged {
 }
 
 /// Judges every effect found in a domain again beside the others, if there are at least two, and
-/// lets another effect take its place where that one is preferred. On a rigid body an effect that is
-/// not accepted beside the others is dropped. The rounds that named them are superseded by one
+/// lets another effect take its place where that one is preferred. On a rigid body an effect that
+/// is not accepted beside the others is dropped. The rounds that named them are superseded by one
 /// round for each. True if the effects found have changed.
 pub(crate) fn judge_each_beside_the_others<'a>(
     session: &Session<'_>,

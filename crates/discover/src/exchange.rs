@@ -132,9 +132,9 @@ fn other_size(truth: &Scored<'_>, draw: usize) -> f64 {
     if signed { SIGNED[draw] } else { ONE_SIGN[draw] }
 }
 
-/// Share of the sum of squares of a fitted signal that is not noise: each unknown also fits what one
-/// independent observation scatters, and an effect added with that part would be found too well.
-/// `without` is the problem after the signal was subtracted.
+/// Share of the sum of squares of a fitted signal that is not noise: each unknown also fits what
+/// one independent observation scatters, and an effect added with that part would be found too
+/// well. `without` is the problem after the signal was subtracted.
 fn true_share(without: &Problem, energy: f64, unknowns: usize) -> f64 {
     /// Least share, for an effect that is hardly there.
     const LEAST: f64 = 0.25;

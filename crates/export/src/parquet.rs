@@ -118,8 +118,8 @@ fn stored(field: &ArrowField) -> (ArrowField, Kind) {
 /// Reads a frame from the bytes of a Parquet file with flat columns, as written by [`write()`].
 ///
 /// # Errors
-/// A compression other than zstd, snappy, gzip and lz4_raw, a file that states sizes it cannot hold,
-/// and errors of polars' decoder.
+/// A compression other than zstd, snappy, gzip and lz4_raw, a file that states sizes it cannot
+/// hold, and errors of polars' decoder.
 pub fn read(bytes: Vec<u8>) -> PolarsResult<DataFrame> {
     let (metadata, schema) = opened(&bytes)?;
     let mut unpacker = Unpacker::new(MOST_BYTES);

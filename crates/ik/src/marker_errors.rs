@@ -22,9 +22,9 @@
 //! all markers. Mean squares are those of the second difference over [`LAG_S`], the band to which a
 //! window of 0.3 s is sensitive.
 //!
-//! **Uncertainty.** A variance that a few time courses tell is uncertain; ν_k = B_kk times the number
-//! of independent time courses is taken for its degrees of freedom, and every draw uses other
-//! variances that fit the residuals (`σ²_k χ²/ν_k`).
+//! **Uncertainty.** A variance that a few time courses tell is uncertain; ν_k = B_kk times the
+//! number of independent time courses is taken for its degrees of freedom, and every draw uses
+//! other variances that fit the residuals (`σ²_k χ²/ν_k`).
 //!
 //! **Time course.** No spectrum is assumed, white or other: each marker's error follows the time
 //! course of its own residual in the axes of its link (or that of a nearby marker if its own
@@ -69,8 +69,8 @@ pub(crate) const SPEAKS: f64 = 0.25;
 /// Weight of the mean of all markers in the variance of one, in numbers of residuals (a marker has
 /// three at most).
 const PRIOR_WEIGHT: f64 = 0.5;
-/// Longest step of a coordinate, rad, for which the first order is sufficient: the second is a tenth
-/// of it.
+/// Longest step of a coordinate, rad, for which the first order is sufficient: the second is a
+/// tenth of it.
 const FIRST_ORDER_RAD: f64 = 0.2;
 /// Largest number of steps after a longer one.
 const FURTHER_STEPS: usize = 3;

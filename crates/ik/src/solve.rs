@@ -296,7 +296,8 @@ impl<'p> Single<'p> {
     }
 
     /// Root mean square distance of the markers at `place` (by index of the problem's markers),
-    /// together with what joints are beyond their ranges, m; none for a frame that cannot be solved.
+    /// together with what joints are beyond their ranges, m; none for a frame that cannot be
+    /// solved.
     pub fn error(&mut self, place: impl Fn(usize) -> Option<Vector3<f64>>) -> Option<f64> {
         for (i, target) in self.solver.targets.iter_mut().enumerate() {
             *target = place(i).unwrap_or(Vector3::repeat(f64::NAN));

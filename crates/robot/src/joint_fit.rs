@@ -236,10 +236,10 @@ struct About {
     delay_s: f64,
 }
 
-/// Rows `[columns | measured]` of one flight, with the shifted torque (1 + κ) S(δ),
-/// S = M − δ M′ + ½ δ² M″ − ⅙ δ³ M‴, linearised about the error κ of the gain and the delay δ of each
-/// joint. The columns of the factor are −M, M′ and, the last ones, −M″ and M‴; those of κ and δ become
-/// −S and −(1 + κ) S′.
+/// Rows `[columns | measured]` of one flight, with the shifted torque (1 + κ) S(δ), S = M − δ M′ +
+/// ½ δ² M″ − ⅙ δ³ M‴, linearised about the error κ of the gain and the delay δ of each joint. The
+/// columns of the factor are −M, M′ and, the last ones, −M″ and M‴; those of κ and δ become −S and
+/// −(1 + κ) S′.
 fn linearised(factor: &Factor, first_own: usize, about: &[About]) -> DMatrix<f64> {
     let whole = factor.dense();
     let n = whole.ncols() - 1 - 2 * about.len();

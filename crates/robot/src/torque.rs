@@ -440,9 +440,9 @@ pub fn size(robot: &RobotModel, base: &BaseParameters, prior: &[Phi], factors: &
     (pp > 0.0 && mm > 0.0).then(|| (pm / pp, pm / (pp * mm).sqrt()))
 }
 
-/// The torque that a model needs in each joint as a multiple of the measured one (regression over the
-/// rows of the joint), in the order of the joints: about 1, negative where the measured one has the
-/// opposite sign. NaN for a joint without torques; empty without rows.
+/// The torque that a model needs in each joint as a multiple of the measured one (regression over
+/// the rows of the joint), in the order of the joints: about 1, negative where the measured one has
+/// the opposite sign. NaN for a joint without torques; empty without rows.
 pub fn needed_of_measured(robot: &RobotModel, base: &BaseParameters, prior: &[Phi], factors: &[Factor]) -> Vec<f64> {
     let Some(x) = nominal(robot, base, prior, factors) else { return Vec::new() };
     let mut sums = vec![(0.0, 0.0); robot.joints.len()];
