@@ -18,6 +18,7 @@ use aloft_workspace::json::read_json;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use std::collections::BTreeSet;
 
 /// How a measurement stands to its expectation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -434,7 +435,16 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
                 list.iter().flat_map(|e| &e.labels).filter(|(a, b)| a < b).map(|(a, b)| format!("{a}/{b}")).collect();
             format!("{trial}: {}", pairs.join(", "))
         };
-        format!("exchanged back: {}", exchanges.iter().map(of).collect::<Vec<_>>().join("; "))
+        let pairs = |e: &[LabelExchange]| e.iter().flat_map(|e| e.labels.clone()).collect::<BTreeSet<_>>();
+        let all_alike = exchanges.len() > 1
+            && exchanges.len() == reports.len()
+            && exchanges.iter().all(|e| pairs(&e.1) == pairs(&exchanges[0].1));
+        let advice = if all_alike {
+            "; every recording differs from the static trial in the same way, so look at the labels of the static trial first"
+        } else {
+            ""
+        };
+        format!("exchanged back: {}{advice}", exchanges.iter().map(of).collect::<Vec<_>>().join("; "))
     };
     lines.push(SessionLine {
         id: "labels",

@@ -190,6 +190,10 @@ fn permutations(n: usize) -> Vec<Vec<usize>> {
 /// Exchanges found in a trial by comparison with the subject's static geometry; the trial is not
 /// changed.
 pub fn label_exchanges(subject: &Subject, trial: &Trial) -> Vec<LabelExchange> {
+    // the whole body first: its parts would be found one by one, and not all of them
+    if let Some(sides) = crate::labels_between::exchange_of_sides(subject, trial) {
+        return vec![sides];
+    }
     let all = segments(subject, trial, 3);
     let mut out = Vec::new();
     for segment in all.iter().filter(|s| s.sources.len() >= FEWEST) {

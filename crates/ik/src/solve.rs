@@ -310,6 +310,17 @@ impl<'p> Single<'p> {
         let n = self.solver.visible.len() as f64;
         Some((rms * rms + RANGE_LEVER_M * RANGE_LEVER_M * beyond / n).sqrt())
     }
+
+    /// Markers seen in the frame that was fitted last (index of the problem's markers), each with
+    /// its distance from the model, m.
+    pub fn distances(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.solver.visible.iter().map(|&i| (i, self.solver.residual[i].norm()))
+    }
+
+    /// Joints beyond their ranges in the frame that was fitted last: link and excess, rad.
+    pub fn beyond(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.solver.beyond(&self.tracker.q)
+    }
 }
 
 #[derive(Debug, Clone, Copy, Default)]

@@ -90,12 +90,20 @@ fn labels_on_markers_of_other_segments_are_found_by_the_whole_body() {
     let motion = common::motion(&person, 120, 100.0, 0.3, 1);
     let clean = common::trial(&person, &motion, 100.0, 0.003, 2);
     assert!(label_exchanges(&person, &clean).is_empty());
+    let labels = || person.markers.iter().map(|m| m.label.clone());
+    let right =
+        |label: &String| labels().find(|l| l[1..] == label[1..] && l.starts_with('R') && label.starts_with('L'));
+    let sides: Vec<(String, String)> = labels().filter_map(|l| Some((l.clone(), right(&l)?))).collect();
     for pairs in [
         // a leg without its foot, a foot back to front, an arm, knee and ankle
         vec![("LTHI", "RTHI"), ("LKNE", "RKNE"), ("LTIB", "RTIB"), ("LANK", "RANK")],
         vec![("RHEE", "RTOE")],
         vec![("LELB", "RELB"), ("LWRA", "RWRA"), ("LWRB", "RWRB"), ("LFIN", "RFIN")],
         vec![("RKNE", "RANK")],
+        // two markers of a hand's side that are near each other
+        vec![("LWRA", "LWRB")],
+        // the whole body, left for right
+        sides.iter().map(|(a, b)| (a.as_str(), b.as_str())).collect(),
     ] {
         let bad = swapped(&clean, &pairs, 0..120);
         let found = label_exchanges(&person, &bad);

@@ -177,7 +177,8 @@ pub fn scale_person(
         locked: locked.iter().filter_map(|&k| velocity_names.get(k).cloned()).collect(),
         warnings,
     };
-    plausibility::check(&mut report, input.facts, &skeleton, &anatomy.landmarks, &subject, &options.limits);
+    let landmarks = (&anatomy.landmarks, input.marker_set);
+    plausibility::check(&mut report, input.facts, &skeleton, landmarks, &subject, &options.limits);
     Ok(Scaled { subject, anatomy, locked, report })
 }
 

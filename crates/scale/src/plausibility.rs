@@ -115,7 +115,7 @@ pub(crate) fn check(
     report: &mut ScaleReport,
     facts: &PersonFacts,
     skeleton: &Skeleton,
-    landmarks: &Landmarks,
+    (landmarks, set): (&Landmarks, &MarkerSet),
     subject: &Subject,
     limits: &PlausibilityLimits,
 ) {
@@ -133,6 +133,7 @@ pub(crate) fn check(
     check_height(&mut found, facts, skeleton, limits);
     check_lengths(&mut found, &report.lengths, limits);
     check_sides(&mut found, skeleton, landmarks);
+    check_feet(&mut found, skeleton, landmarks, set);
     check_hinges(&mut found, skeleton, subject, limits);
     for m in &report.markers {
         if let Some(rigid_error_m) = m.rigid_error_m.filter(|&e| e > limits.loose_m) {
@@ -202,6 +203,26 @@ fn check_sides(found: &mut Vec<ScaleWarning>, skeleton: &Skeleton, landmarks: &L
             if cosine < 0.0 {
                 found.push(ScaleWarning::BackToFront { link, cosine });
             }
+        }
+    }
+}
+
+/// In front of the heel and above it lies the malleolus of a person who stands.
+fn check_feet(found: &mut Vec<ScaleWarning>, skeleton: &Skeleton, landmarks: &Landmarks, set: &MarkerSet) {
+    let forward = x_of(&skeleton.pelvis.world_from_pelvis.rotation);
+    for side in Side::BOTH {
+        let (Some(ankle), Some(heel)) = (landmarks.side("ankle_lateral", side), landmarks.side("heel", side)) else {
+            continue;
+        };
+        let (behind_m, below_m) = ((heel - ankle).dot(&forward), heel.z - ankle.z);
+        let label = |what: &str| {
+            let name = format!("{what}_{}", side.suffix());
+            set.markers.iter().find(|m| m.landmark.as_deref() == Some(&name)).map(|m| m.label.clone())
+        };
+        if let (true, Some(ankle), Some(heel)) =
+            (behind_m > 0.0 && below_m > 0.0, label("ankle_lateral"), label("heel"))
+        {
+            found.push(ScaleWarning::AnkleBehindHeel { ankle, heel, behind_m, below_m });
         }
     }
 }

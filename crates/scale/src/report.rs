@@ -126,6 +126,8 @@ pub enum ScaleWarning {
     Skewed { joint: String, angle_deg: f64, limit_deg: f64 },
     /// A foot that points backwards: right and left, or heel and toe, are exchanged.
     BackToFront { link: String, cosine: f64 },
+    /// The lateral malleolus behind and below the heel: their labels are exchanged in the static.
+    AnkleBehindHeel { ankle: String, heel: String, behind_m: f64, below_m: f64 },
     /// Landmarks of the right side are on the left.
     SidesExchanged { what: String, lateral_m: f64 },
     /// The body moved during the static.
@@ -202,6 +204,14 @@ impl fmt::Display for ScaleWarning {
                     "{link}: points backwards (cosine {cosine:.2}); heel and toe, or right and left, look exchanged"
                 )
             }
+            Self::AnkleBehindHeel { ankle, heel, behind_m, below_m } => write!(
+                f,
+                "in the static, `{ankle}` on the malleolus lies {:.0} mm behind and {:.0} mm below `{heel}` on the heel: \
+                 these labels are exchanged in the static recording; correct them there, because the ankle's centre \
+                 comes from them",
+                mm(behind_m),
+                mm(below_m)
+            ),
             Self::SidesExchanged { what, lateral_m } => {
                 write!(f, "{what}: the right one lies {:.0} mm to the left of the left one", mm(lateral_m))
             }

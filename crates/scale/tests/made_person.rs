@@ -177,6 +177,10 @@ fn exchanged_markers_are_noticed() {
     assert!(has(&exchange("LSHO", "RSHO"), |w| matches!(w, ScaleWarning::SidesExchanged { .. })));
     assert!(has(&exchange("RHEE", "RTOE"), |w| matches!(w, ScaleWarning::BackToFront { .. })));
     assert!(has(&exchange("RHEE", "RANK"), |w| matches!(w, ScaleWarning::MarkerAsymmetry { .. })));
+    let feet = exchange("RHEE", "RANK");
+    let named = |w: &ScaleWarning| matches!(w, ScaleWarning::AnkleBehindHeel { ankle, .. } if ankle == "RANK");
+    assert!(feet.iter().any(named), "{feet:?}");
+    assert!(!exchange("LSHO", "RSHO").iter().any(|w| matches!(w, ScaleWarning::AnkleBehindHeel { .. })));
     for w in exchange("LASI", "RASI") {
         assert!(!w.to_string().is_empty());
     }
