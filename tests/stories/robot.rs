@@ -182,6 +182,22 @@ fn a_robot_goes_from_logs_to_a_patched_model_file() {
 }
 
 #[test]
+fn init_writes_the_pipeline_of_a_robot() {
+    let lab = Lab::new();
+    let out = lab.dir.path().join("mine.yaml").display().to_string();
+    let data = lab.data.display().to_string();
+    let _ = expect(&["init", &data, "--out", &out], 0);
+    let (told, said) = expect(&["run", &out, "--workspace", &lab.workspace().display().to_string()], 0);
+    assert!((told + &said).contains("6 flights in 2 trials"));
+    // logs without a description: what to write, with the model file that is there
+    fs::remove_file(lab.data.join("robot.yaml")).unwrap();
+    let (_, said) = expect(&["init", &data, "--out", &lab.dir.path().join("other.yaml").display().to_string()], 2);
+    let said = unwrapped(&said);
+    assert!(said.contains("nothing says which robot") && said.contains("total_mass_kg"), "{said}");
+    assert!(said.contains("model/"), "{said}");
+}
+
+#[test]
 fn a_log_without_a_joint_fails_with_one_line_that_names_it() {
     let lab = Lab::new();
     let rows: String = (0..20).map(|i| format!("{},0,0,0\n", 0.004 * f64::from(i))).collect();

@@ -7,6 +7,7 @@ mod facts;
 mod look;
 mod osim;
 mod quiet;
+mod robot;
 mod roles;
 mod subjects;
 mod versions;
@@ -73,6 +74,9 @@ pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<
     if !folder.is_dir() {
         return Err(PipelineError::request(format!("{} is not a folder", folder.display())));
     }
+    if let Some((text, notes)) = robot::pipeline(folder, &target)? {
+        return save(target, &text, notes);
+    }
     let layout = match options.one_subject {
         true => Layout { subjects: Vec::new(), sessions: Vec::new() },
         false => layout(folder)?,
@@ -121,6 +125,10 @@ pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<
     ];
     let name = pipeline_name(folder, &target, options.subject.as_deref());
     let (text, notes) = write(folder, &target, &name, &layout, files.len(), &seen, &not_used)?;
+    save(target, &text, notes)
+}
+
+fn save(target: PathBuf, text: &str, notes: Vec<String>) -> Result<Written, PipelineError> {
     if let Some(parent) = target.parent().filter(|p| !p.as_os_str().is_empty()) {
         aloft_workspace::disk::create_dir_all(parent)?;
     }
