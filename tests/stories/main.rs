@@ -41,6 +41,7 @@ mod several_effects;
 #[path = "../shared_data.rs"]
 mod shared;
 mod stated_mass;
+mod static_labels;
 mod studio;
 mod support;
 mod surfaces;

@@ -192,7 +192,7 @@ fn init_writes_the_pipeline_of_a_robot() {
     // logs without a description: what to write, with the model file that is there
     fs::remove_file(lab.data.join("robot.yaml")).unwrap();
     let (_, said) = expect(&["init", &data, "--out", &lab.dir.path().join("other.yaml").display().to_string()], 2);
-    let said = unwrapped(&said);
+    let said = unwrapped(said.as_bytes());
     assert!(said.contains("nothing says which robot") && said.contains("total_mass_kg"), "{said}");
     assert!(said.contains("model/"), "{said}");
 }

@@ -3,7 +3,7 @@
 use crate::held_out::{HeldOutError, weight_n};
 use crate::impulse_mass::{ImpulseMassView, impulse_mass};
 use crate::kinematics::{KinematicsRow, failed_stage, kinematics};
-use crate::to_correct::{ToCorrect, to_correct};
+use crate::to_correct::{ToCorrect, of_static, to_correct};
 use aloft_body::{EstimatedPoints, Subject};
 use aloft_compare::{Comparison, ModelComparison};
 use aloft_identify::{Determination, Origin, Parameters, Sigma};
@@ -326,8 +326,11 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
     let mut errors: Vec<HeldOutError> =
         comparison.against_floor.iter().map(|a| HeldOutError::of(a, &comparison.beside, weight, gate_passed)).collect();
     let rows_of_trials = kinematics(session, &ws);
-    let to_correct = to_correct(session, &ws, &comparison, &rows_of_trials, impulse_mass.as_ref(), weight)
-        .filter(|_| limits.is_empty());
+    // without the whole body only the labels of the static trial can be judged
+    let to_correct = match limits.is_empty() {
+        true => to_correct(session, &ws, &comparison, &rows_of_trials, impulse_mass.as_ref(), weight),
+        false => of_static(&ws),
+    };
     if to_correct.as_ref().is_some_and(|c| c.void) {
         errors.iter_mut().for_each(HeldOutError::distrust);
     }

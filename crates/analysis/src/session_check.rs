@@ -8,6 +8,7 @@
 use crate::impulse_mass::mass_by_impulse;
 use crate::persons::{persons, several_persons};
 use crate::repeated::{repeated, repeated_words};
+use crate::to_correct::static_labels;
 use aloft_flight::{Coverage, FlightReport, ImpulseMass, PlateDelay, PlateTare, TareSource, Unmeasured};
 use aloft_identify::half95;
 use aloft_ik::{IkReport, LabelExchange};
@@ -18,7 +19,6 @@ use aloft_workspace::json::read_json;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use std::collections::BTreeSet;
 
 /// How a measurement stands to its expectation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -435,17 +435,12 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
                 list.iter().flat_map(|e| &e.labels).filter(|(a, b)| a < b).map(|(a, b)| format!("{a}/{b}")).collect();
             format!("{trial}: {}", pairs.join(", "))
         };
-        let pairs = |e: &[LabelExchange]| e.iter().flat_map(|e| e.labels.clone()).collect::<BTreeSet<_>>();
-        let all_alike = exchanges.len() > 1
-            && exchanges.len() == reports.len()
-            && exchanges.iter().all(|e| pairs(&e.1) == pairs(&exchanges[0].1));
-        let advice = if all_alike {
-            "; every recording differs from the static trial in the same way, so look at the labels of the static trial first"
-        } else {
-            ""
-        };
-        format!("exchanged back: {}{advice}", exchanges.iter().map(of).collect::<Vec<_>>().join("; "))
+        format!("exchanged back: {}", exchanges.iter().map(of).collect::<Vec<_>>().join("; "))
     };
+    let in_static = static_labels(&source.ws);
+    let words = [in_static.clone(), Some(words).filter(|_| n > 0 || in_static.is_none())];
+    let words = words.into_iter().flatten().collect::<Vec<_>>().join("; ");
+    let agrees = n == 0 && in_static.is_none();
     lines.push(SessionLine {
         id: "labels",
         what: "labels against the static trial".to_owned(),
@@ -454,7 +449,7 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         ci95: None,
         expected: Some(0.0),
         n: reports.len(),
-        status: if n == 0 { LineStatus::Agrees } else { LineStatus::Differs },
+        status: if agrees { LineStatus::Agrees } else { LineStatus::Differs },
         words,
     });
     let noise: Vec<f64> = source

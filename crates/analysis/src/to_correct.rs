@@ -9,9 +9,11 @@ use crate::kinematics::KinematicsRow;
 use crate::plates_follow::plates_follow;
 use aloft_compare::{Comparison, TrialComparison, significant};
 use aloft_flight::FlightReport;
+use aloft_scale::{ScaleReport, ScaleWarning};
 use aloft_signal::median;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 
@@ -62,11 +64,33 @@ pub(crate) fn to_correct(
         Some(ToCorrect { words, first: true, void: true })
     };
     markers(comparison, rows, weight_n)
+        .or_else(|| of_static(ws))
         .or_else(|| of_falls(&falls(session, ws)))
         .or_else(|| plates_follow(ws, &comparison.first.trials, &comparison.first.model))
         .or_else(wrong_mass)
         // a wrong mass or a gain of all plates makes such an error everywhere, and is said as such
         .or_else(|| plates(&comparison.first.trials, weight_n).filter(|_| impulse.is_none_or(|m| m.doubt.is_none())))
+}
+
+/// Labels of the static trial.
+pub(crate) fn of_static(ws: &Workspace) -> Option<ToCorrect> {
+    let words = static_labels(ws)?;
+    Some(ToCorrect { words: format!("correct the labels of the static trial: {words}"), first: true, void: false })
+}
+
+/// Labels that the static trial has on other markers, as its anatomy shows.
+pub(crate) fn static_labels(ws: &Workspace) -> Option<String> {
+    let report: ScaleReport = read_json(&ws.place("scale", WHOLE_STUDY).join("report.json")).ok()?;
+    let wrong = |w: &&ScaleWarning| {
+        matches!(
+            w,
+            ScaleWarning::AnkleBehindHeel { .. }
+                | ScaleWarning::BackToFront { .. }
+                | ScaleWarning::SidesExchanged { .. }
+        )
+    };
+    let words: Vec<String> = report.warnings.iter().filter(wrong).map(ToString::to_string).collect();
+    (!words.is_empty()).then(|| words.join("; "))
 }
 
 /// Marker errors that alone leave a large share of the weight.

@@ -192,7 +192,7 @@ pub fn block(view: &ComparisonView) -> Result<(), Stop> {
         out(grid(&view.errors))?;
     }
     if !view.limits.is_empty() {
-        return Ok(());
+        return contradicted(view).iter().try_for_each(out);
     }
     // a wrong mass or gain, and what to record, come before the place of the largest error; three
     // lines of all of them, so that a run ends with twelve
