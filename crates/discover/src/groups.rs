@@ -18,6 +18,9 @@ const FEWEST: usize = 2;
 /// Up to this number of trials all divisions are tried; with more, they are improved by moving one
 /// trial at a time.
 const ALL_DIVISIONS: usize = 10;
+/// Gain of a load over that of something taken away in the other trials from which the load is
+/// preferred on a person.
+const LOAD_GAIN: f64 = 0.7;
 /// Displacement of the place in the derivatives, m.
 const STEP_M: f64 = 0.1;
 
@@ -47,7 +50,11 @@ pub(crate) fn group(
             let variant = Variant::new(session, effect, target, start);
             let by_trial = Division::new(session, problem, &variant, &trials)?;
             let best = if trials.len() <= ALL_DIVISIONS { by_trial.best_of_all() } else { by_trial.best_by_moves() }?;
-            Some((by_trial.gain(&best).0, best))
+            // a prior hardly tells a load in some trials from something taken away in the others
+            let others: Vec<bool> = best.iter().map(|acts| !acts).collect();
+            let ((gain, mass), (turned, load)) = (by_trial.gain(&best), by_trial.gain(&others));
+            let is_load = session.prior.is_some() && mass < 0.0 && load > 0.0 && turned > LOAD_GAIN * gain;
+            Some((gain, if is_load { others } else { best }))
         })
         .collect();
     let (_, chosen) = of_links.into_iter().reduce(|a, b| if b.0 > a.0 { b } else { a })?;

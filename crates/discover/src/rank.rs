@@ -178,18 +178,24 @@ fn unknowns_of(s: &Scored<'_>) -> usize {
     s.variant.unknowns() + if chosen { 2 } else { 0 }
 }
 
+/// Error of a load over that of something taken away in the other trials up to which the load is
+/// preferred on a person.
+const LOAD_ALIKE: f64 = 1.05;
+
 /// A load that was found as something taken away in some trials, as a load in the others if that
 /// fits as well: unnamed groups have no order.
 fn as_load<'a>(session: &Session<'_>, problem: &Problem, scored: Scored<'a>) -> Scored<'a> {
-    // a prior and plates tell a load from something taken away
-    let told = session.prior.is_some() || session.groups.iter().any(Option::is_some);
+    // named groups have an order
+    let told = session.groups.iter().any(Option::is_some);
     if !scored.variant.effect.about().by_group || told || scored.theta.iter().any(|x| *x >= 0.0) {
         return scored;
     }
     let others: Vec<bool> = scored.variant.group.iter().map(|acts| !acts).collect();
     // errors of the motion act on the whole inertia, which the load adds to
     let share = scored.theta.iter().map(|x| x.abs()).sum::<f64>() / session.mass_kg;
-    let equal = 1.01 * (1.0 + share).powi(4);
+    // a prior hardly tells a load from something taken away; what is carried is likelier
+    let alike = if session.prior.is_some() { LOAD_ALIKE } else { 1.01 };
+    let equal = alike * (1.0 + share).powi(4);
     let turned = Variant { group: others, fitted: 0, ..scored.variant.clone() };
     improve(session, problem, &turned, FULL_STEPS)
         .filter(|(_, gain)| problem.rss - gain <= equal * (problem.rss - scored.gain))
