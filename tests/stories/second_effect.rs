@@ -4,10 +4,14 @@ use crate::support::{expect, folder, json, lab, repo};
 use serde_json::Value;
 
 fn discovered(scenario: &str) -> Value {
+    discovered_on(scenario, "chain")
+}
+
+fn discovered_on(scenario: &str, pipeline: &str) -> Value {
     let dir = folder();
     let data = lab(&format!("fixtures/scenarios/{scenario}.yaml"), dir.path()).display().to_string();
     let ws = dir.path().join("ws").display().to_string();
-    let words = [&repo("pipelines/chain.yaml"), "--data", &data, "--workspace", &ws];
+    let words = [&repo(&format!("pipelines/{pipeline}.yaml")), "--data", &data, "--workspace", &ws];
     expect(&[&["run"], &words[..]].concat(), 0);
     json(&[&["discover"], &words[..], &["--closed", "--json"]].concat())
 }
@@ -43,4 +47,33 @@ fn what_is_said_of_each_of_two_effects_comes_from_a_round_beside_the_other() {
         assert_eq!(round["model"].as_array().unwrap().len(), 1, "{round}");
         assert!(round["words"].as_str().unwrap().starts_with("beside "), "{round}");
     }
+}
+
+/// In flight a load in some trials of a person is nearly something taken away in the others. It was
+/// found as that, contact contradicted it, and nothing was named.
+#[test]
+fn light_loads_on_both_arms_in_some_trials_are_found_as_loads() {
+    let found = discovered_on("human_two_loads", "human");
+    assert_eq!(names(&found["effects"]), ["payload"], "{}", found["words"]);
+    let list = found["found"].as_array().unwrap();
+    let keys: Vec<&str> = list.iter().map(|f| f["key"].as_str().unwrap()).collect();
+    assert!(keys.len() == 2 && keys.iter().all(|k| k.contains("arm_")), "{keys:?}");
+    for load in list {
+        assert_eq!(names(&load["trials"]), ["jump01", "jump03", "jump05", "jump07"]);
+        let kg = load["coefficients"][0]["value"].as_f64().unwrap();
+        assert!((0.25..0.55).contains(&kg), "{kg}");
+    }
+    // what a round says is missing is what joins the model
+    let words = found["words"].as_str().unwrap();
+    for key in keys {
+        assert!(words.contains(&format!("`{key}` is missing")), "{words}");
+    }
+}
+
+/// What makes a tether is its stiffness; without it a damping along a line only imitates a law.
+#[test]
+fn a_line_of_no_stiffness_is_not_named() {
+    let found = discovered_on("human_vertical_law", "human");
+    assert_eq!(found["verdict"], "unexplained", "{}", found["words"]);
+    assert_eq!(found["candidates"][0]["effect"], "tether", "the test has lost its case: {}", found["words"]);
 }

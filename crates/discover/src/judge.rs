@@ -90,7 +90,19 @@ pub(crate) fn plausible(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
     }
     // a coefficient of one permitted sign is zero if the data ask for the other sign
     let main = bounds.first().is_some_and(|b| b.lower == 0.0 && estimates[0].value <= 0.0) && bounds.len() <= 2;
-    moved && !main
+    moved && !main && !is_only_secondary(scored, estimates)
+}
+
+/// True if what makes the effect is not seen, and what accompanies it is: a line of no stiffness
+/// that only damps is no line.
+fn is_only_secondary(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
+    let zero_inside = |e: &Estimate| e.ci95.is_none_or(|[low, high]| low <= 0.0 && high >= 0.0);
+    match (scored.variant.coefficients.as_slice(), estimates) {
+        ([main, other], [first, second]) => {
+            main.lower == 0.0 && other.lower < 0.0 && zero_inside(first) && !zero_inside(second)
+        }
+        _ => false,
+    }
 }
 
 /// Effect size at which the held-out ratio falls below the threshold in four of five sessions.

@@ -192,6 +192,12 @@ pub(crate) fn run_round<'a>(
         && let Some(at) = effects.iter().position(|id| id == first.id())
     {
         effects[..=at].rotate_right(1);
+        // on the link on which it joins the model
+        let key = key_of(session, &first.scored);
+        if let Some(c) = candidates.iter_mut().find(|c| c.effect == first.id() && c.key != key) {
+            (c.coefficients, c.nonlinear) = estimates(session, &first.scored);
+            (c.key, c.target, c.trials) = (key, first.scored.variant.target, group_names(session, &first.scored));
+        }
     }
     let alike: Vec<&str> = rivals
         .iter()
