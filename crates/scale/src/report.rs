@@ -206,9 +206,7 @@ impl fmt::Display for ScaleWarning {
             }
             Self::AnkleBehindHeel { ankle, heel, behind_m, below_m } => write!(
                 f,
-                "in the static, `{ankle}` on the malleolus lies {:.0} mm behind and {:.0} mm below `{heel}` on the heel: \
-                 these labels are exchanged in the static recording; correct them there, because the ankle's centre \
-                 comes from them",
+                "in the static, `{ankle}` on the malleolus lies {:.0} mm behind and {:.0} mm below `{heel}` on the heel: their labels are exchanged in that recording; correct them there, because the ankle's centre comes from them",
                 mm(behind_m),
                 mm(below_m)
             ),
