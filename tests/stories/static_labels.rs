@@ -20,7 +20,7 @@ fn exchange(file: &Path, a: &[u8], b: &[u8]) {
 }
 
 #[test]
-fn a_static_trial_with_heel_and_ankle_exchanged_is_corrected_first() {
+fn a_static_trial_with_heel_and_ankle_exchanged_is_named_first() {
     let dir = folder();
     let data = dir.path().join("lab");
     copy(Path::new(&repo("fixtures/human_twin")), &data);
@@ -31,7 +31,7 @@ fn a_static_trial_with_heel_and_ankle_exchanged_is_corrected_first() {
     let ws = dir.path().join("ws").display().to_string();
     let (said, _) = expect(&["run", &pipeline, "--workspace", &ws], 0);
     let said = unwrapped(said.as_bytes());
-    assert!(said.contains("correct the labels of the static trial: in the static, `LANK` on the malleolus"), "{said}");
+    assert!(said.contains("check the labels of the static trial: in the static, `LANK` on the malleolus"), "{said}");
     let (told, checked) = expect(&["check", &pipeline, "--workspace", &ws], 0);
     let line = unwrapped((told + &checked).as_bytes());
     assert!(line.contains("labels against the static trial: in the static, `LANK`"), "{line}");

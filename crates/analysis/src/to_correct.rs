@@ -75,10 +75,10 @@ pub(crate) fn to_correct(
 /// Labels of the static trial.
 pub(crate) fn of_static(ws: &Workspace) -> Option<ToCorrect> {
     let words = static_labels(ws)?;
-    Some(ToCorrect { words: format!("correct the labels of the static trial: {words}"), first: true, void: false })
+    Some(ToCorrect { words: format!("check the labels of the static trial: {words}"), first: true, void: false })
 }
 
-/// Labels that the static trial has on other markers, as its anatomy shows.
+/// Labels that contradict the anatomy in the static trial.
 pub(crate) fn static_labels(ws: &Workspace) -> Option<String> {
     let report: ScaleReport = read_json(&ws.place("scale", WHOLE_STUDY).join("report.json")).ok()?;
     let wrong = |w: &&ScaleWarning| {

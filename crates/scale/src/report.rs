@@ -126,7 +126,7 @@ pub enum ScaleWarning {
     Skewed { joint: String, angle_deg: f64, limit_deg: f64 },
     /// A foot that points backwards: right and left, or heel and toe, are exchanged.
     BackToFront { link: String, cosine: f64 },
-    /// The lateral malleolus behind and below the heel: their labels are exchanged in the static.
+    /// The lateral malleolus behind and below the heel: their labels look exchanged in the static.
     AnkleBehindHeel { ankle: String, heel: String, behind_m: f64, below_m: f64 },
     /// Landmarks of the right side are on the left.
     SidesExchanged { what: String, lateral_m: f64 },
@@ -206,7 +206,7 @@ impl fmt::Display for ScaleWarning {
             }
             Self::AnkleBehindHeel { ankle, heel, behind_m, below_m } => write!(
                 f,
-                "in the static, `{ankle}` on the malleolus lies {:.0} mm behind and {:.0} mm below `{heel}` on the heel: their labels are exchanged in that recording; correct them there, because the ankle's centre comes from them",
+                "in the static, `{ankle}` on the malleolus lies {:.0} mm behind and {:.0} mm below `{heel}` on the heel: their labels look exchanged; the ankle's centre comes from them",
                 mm(behind_m),
                 mm(below_m)
             ),
