@@ -14,7 +14,8 @@ run, so that two versions of the program see the same recordings. Usage:
   python3 benches/laws.py --body chain --laws 30 --strengths 2,4,8 --empty 50 --seed 1 --jobs 2 --out OUT
   python3 benches/laws.py --score OUT [OUT ...]
 
-Outcome of a set, by the first law that the program states (`open.laws`):
+Outcome of a set, by the first law that the program states (`open.laws`). A law names a link and, where the recordings do
+not exclude others, those (`also`); a link is right if it is among at most three that are named:
 
   formula      link, action, direction and variable right, a formula, error within 1.3 times that of the twin
   formula, loose  the same with more error left
@@ -22,7 +23,7 @@ Outcome of a set, by the first law that the program states (`open.laws`):
   link         link and action right, direction or variable wrong
   known effect the effect of the catalogue that is exactly this law (a flat plate for the square of one component)
   catalogue    another effect of the catalogue
-  wrong law    wrong link or action of any law stated
+  wrong law    wrong link or action of any law stated, whatever else it names
   unexplained  the program says that something remains that it cannot name
   missed       nothing missing, or not detectable
 """
@@ -41,7 +42,8 @@ import law_population
 from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, interval, read_lines, session
 
 FORMULA_WITHIN = 1.3
-NAMED = ["link right", "direction, variable", "diagnosis: link", "formula", "formula, loose", "curve", "link", "known effect", "catalogue", "wrong law",
+MOST_LINKS = 3
+NAMED = ["link right", "first link right", "direction, variable", "diagnosis: link", "formula", "formula, loose", "curve", "link", "known effect", "catalogue", "wrong law",
          "unexplained", "missed", "not usable"]
 
 
@@ -126,8 +128,11 @@ class Bench(Laboratories):
 # ---- scoring -----------------------------------------------------------------------------------
 
 def right_of(claim, truth):
-    """Whether link and action, and whether direction and variables of a claim are right."""
-    where = claim.get("carrier") in truth["carriers"] and claim.get("action") in truth["actions"]
+    """Whether link and action, and whether direction and variables of a claim are right. The link is right if it is among at
+    most three that are named."""
+    links = [claim.get("carrier"), *(claim.get("also") or [])]
+    named = links if len(links) <= MOST_LINKS else links[:1]
+    where = any(link in truth["carriers"] for link in named) and claim.get("action") in truth["actions"]
     # the diagnosis has one variable, a law a list of them
     said = claim.get("variables", claim.get("variable"))
     said = set([said] if isinstance(said, str) else said or [])
@@ -157,6 +162,8 @@ def judge(line):
     diagnosis = opened.get("diagnosis") or {}
     if claims and right_of(claims[0], truth)[0]:
         out.add("link right")
+        if claims[0]["carrier"] in truth["carriers"]:
+            out.add("first link right")
     if (claims and right_of(claims[0], truth)[0]) or (not claims and diagnosis and right_of(diagnosis, truth)[0]):
         out.add("diagnosis: link")
     if claims and all(right_of(claims[0], truth)):
@@ -218,7 +225,7 @@ def score(folders):
         off = [line["set"] for line in hidden if "answer" in line and abs(line["held_out"] / line["twin"] / line["strength"] - 1) > TOLERANCE]
         if times:
             print(f"\ndiscover: median {times[len(times) // 2]:.1f} s, longest {times[-1]:.1f} s; strength off by more than {TOLERANCE:.0%}: {', '.join(off) or 'none'}")
-    print("\n`link right`, `direction, variable` and `diagnosis: link` (the stated law's link, else the diagnosed one) are counted beside the outcomes `formula` to `missed`, which exclude each other. "
+    print("\n`link right`, `first link right` (the one stated first), `direction, variable` and `diagnosis: link` (the stated law's link, else the diagnosed one) are counted beside the outcomes `formula` to `missed`, which exclude each other. "
           "`wrong claims` is `catalogue` and `wrong law` together; of empty sets, all claims; `missed` of empty sets is right.")
 
 

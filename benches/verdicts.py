@@ -8,15 +8,15 @@ that of its twin: the same laboratory with nothing hidden, whose error is the on
 Sizes are scaled until a set stands at the strength asked for, within 20 %. Effects that show on force plates only are scaled
 by the error in contact.
 
-An answer counts as
+An answer consists of classes ("one of wind, tilt"), one for each effect that the program found. It counts as
 
   right        only the hidden effects are named
-  class        the hidden effects are among at most three that are named
-  wide class   the same with more than three
-  partial      of several hidden effects some are named, and nothing else
+  class        every hidden effect is named, no class has more than three members, and each holds a hidden effect
+  wide class   the same with a larger class
+  partial      every class holds a hidden effect, but of several hidden effects not all are named
   unexplained  the program says that something remains that it cannot name
   missed       "nothing missing" or "not detectable"
-  wrong        something is named and a hidden effect is not among it
+  wrong        a class holds no hidden effect
 
 Of empty sets "nothing missing" and "not detectable" are right. Results are lines of JSON in OUT (`sizes.jsonl`,
 `sets.jsonl`); a run that was interrupted continues. Usage:
@@ -39,6 +39,8 @@ from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, interval, r
 
 OUTCOMES = ["right", "class", "wide class", "partial", "unexplained", "missed", "wrong"]
 ON_PLATES = {"plate_time_offset", "plate_gain", "body_mass"}
+# a load that is always there makes the body heavier than stated
+HEAVIER = {"body_mass", "plate_gain"}
 
 
 def unit(rng):
@@ -204,7 +206,8 @@ def judge(line):
     if "answer" not in line:
         return "not usable"
     found = line["answer"]
-    named = set(found["effects"]).union(*(group["effects"] for group in found.get("groups") or []))
+    classes = [set(group["effects"]) for group in found.get("groups") or []] or [set(found["effects"])]
+    named = set().union(*classes)
     if not line["truth"] and not (found.get("open") or {}).get("laws"):
         return "wrong" if named else "right"
     if (found.get("open") or {}).get("laws"):
@@ -213,11 +216,16 @@ def judge(line):
         return "unexplained"
     if not named:
         return "missed"
-    if all(named & set(right) for right in line["truth"]):
-        if not named - set().union(*line["truth"]):
-            return "right"
-        return "class" if len(named) <= 3 else "wide class"
-    return "partial" if named <= set().union(*line["truth"]) else "wrong"
+    hidden = set().union(*line["truth"])
+    if line["kind"] == "load":
+        hidden |= HEAVIER
+    if not all(members & hidden for members in classes):
+        return "wrong"
+    if not all(named & set(right) for right in line["truth"]):
+        return "partial"
+    if not named - hidden:
+        return "right"
+    return "class" if max(map(len, classes)) <= 3 else "wide class"
 
 
 def describe(line):

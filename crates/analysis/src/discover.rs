@@ -189,6 +189,8 @@ impl Evidence {
         let scene = scene_of(&body, &trials);
         let prepared =
             Session::new(&body, &scene, &trials, &self.weak).map_err(|e| PipelineError::request(e.to_string()))?;
+        let zeros = unknown_zeros(session);
+        let prepared = prepared.with_unknown_zeros(&zeros.iter().map(String::as_str).collect::<Vec<_>>());
         let known = KnownEffects::of(&session.own_effects, &scene)?;
         let accepted = session.effects.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
         // laws of joints exert nothing on the body as a whole
@@ -249,6 +251,13 @@ fn zeros_are_known(session: &SubjectSession) -> bool {
         .flatten()
         .collect();
     !tares.is_empty() && tares.iter().all(|t| t.source != TareSource::None)
+}
+
+/// Recordings of which the comparison takes a constant of the plates off.
+fn unknown_zeros(session: &SubjectSession) -> Vec<String> {
+    let folder = Workspace::open(&session.workspace).place("compare", WHOLE_STUDY);
+    let Ok(comparison) = read_json::<Comparison>(&folder.join("comparison.json")) else { return Vec::new() };
+    comparison.first.trials.iter().filter(|t| t.untared).map(|t| t.trial.clone()).collect()
 }
 
 /// Held-out error and noise floor that the comparison found in flight or in contact; none without a
@@ -335,10 +344,11 @@ fn found(
         options.without.extend(shown);
     }
     let mut refused = Vec::new();
-    // the effects that were last computed by the stages, and their errors
-    let last: Mutex<Option<(Vec<Found>, Vec<HeldOutError>)>> = Mutex::new(None);
-    let by_stages = |found: &[Found]| {
-        let made = promised(session, found, &[], volume).ok()??;
+    // the effects and laws that were last computed by the stages, and their errors
+    let last: Mutex<Option<(Vec<Found>, Vec<String>, Vec<HeldOutError>)>> = Mutex::new(None);
+    let ids = |laws: &[&FoundLaw]| laws.iter().map(|l| format!("{} {:?}", l.id, l.effect.acts)).collect::<Vec<_>>();
+    let by_stages = |found: &[Found], laws: &[&FoundLaw]| {
+        let made = promised(session, found, laws, volume).ok()??;
         let of = |place| made.errors.iter().find(|e| e.judged_on == place).and_then(standing_of);
         let coefficient =
             |e: &EffectEstimate| StagedCoefficient { name: e.name.clone(), value: e.value, se: (e.se, e.freedom) };
@@ -346,21 +356,21 @@ fn found(
             errors: ["flight", "contact"].map(of),
             coefficients: made.coefficients.iter().map(coefficient).collect(),
         };
-        *last.lock().unwrap_or_else(PoisonError::into_inner) = Some((found.to_vec(), made.errors));
+        *last.lock().unwrap_or_else(PoisonError::into_inner) = Some((found.to_vec(), ids(laws), made.errors));
         Some(staged)
     };
     let prepared = bench.session.clone().with_stages(&by_stages);
     let (mut found, errors_after) = loop {
         let found = rank(&prepared, &bench.effects, &bench.accepted, &options)
             .map_err(|e| PipelineError::request(e.to_string()))?;
-        let laws: Vec<&FoundLaw> = found.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).collect();
+        let laws: Vec<&FoundLaw> = found.open.iter().flat_map(|o| &o.laws).collect();
         let done = last.lock().unwrap_or_else(PoisonError::into_inner).take();
         // where the stages cannot compute it, the estimate of the ranking stands
         let same = |effects: &[Found]| {
             effects.len() == found.found.len() && effects.iter().zip(&found.found).all(|(a, b)| a.is_same_effect(b))
         };
-        let after = match done.filter(|(effects, _)| laws.is_empty() && same(effects)) {
-            Some((_, errors)) => errors,
+        let after = match done.filter(|(effects, with, _)| *with == ids(&laws) && same(effects)) {
+            Some((_, _, errors)) => errors,
             None => promised(session, &found.found, &laws, volume)
                 .ok()
                 .flatten()

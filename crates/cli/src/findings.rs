@@ -224,7 +224,7 @@ fn errors(view: &DiscoveryView) -> Result<(), Stop> {
             ),
         ));
     }
-    let laws = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws);
+    let laws = d.open.iter().flat_map(|o| &o.laws);
     let with = names(&d.found.iter().map(|f| f.key.clone()).chain(laws.map(|l| l.id.clone())).collect::<Vec<_>>());
     let mut t = table(&["held out", "model", "error N", "% weight", "floor N", "floor 95 %", "times floor", "judged"])
         .left(&[1])

@@ -9,6 +9,7 @@
 //! others. This is repeated until nothing changes.
 
 use crate::candidate::Variant;
+use crate::contact::Beside;
 use crate::judge::AtFloor;
 use crate::ladder::{as_found, extra_columns, refit_found, to_build_on};
 use crate::options::DiscoverOptions;
@@ -91,8 +92,20 @@ pub(crate) fn judge_each_beside_the_others<'a>(
                 in_model.chain(others.iter().map(|v| (v.effect, v.target))).collect();
             let keys = accepted.iter().map(|c| c.key(session.scene));
             let model: Vec<String> = keys.chain(others_found.iter().map(|f| f.key.clone())).collect();
-            let (mut round, _, rivals) =
-                run_round(session, &problem, &extra, effects, &already, false, model, has_flights, at_floor, options);
+            let beside = Beside { accepted, kept: &others, found: &others_found };
+            let (mut round, _, rivals) = run_round(
+                session,
+                &problem,
+                &extra,
+                effects,
+                &already,
+                beside,
+                false,
+                model,
+                has_flights,
+                at_floor,
+                options,
+            );
             let named = matches!(round.verdict, Verdict::Supported | Verdict::OneOf);
             let Some(rival) = to_build_on(&rivals, &round.effects, options).filter(|_| named) else {
                 if rigid && kept.len() > 1 {

@@ -1,16 +1,24 @@
 //! The search beyond the catalogue as part of a discovery: when it is made, and when its laws
 //! replace what the catalogue names.
 
+use crate::by_stages::Staged;
 use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
-use crate::laws::Direction;
+use crate::laws::{Direction, FoundLaw, OpenWorld};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::result::{Discovery, Verdict};
 use crate::session::Session;
 use aloft_effects::{Effect, EffectInstance};
+
+/// Share of the error that named effects leave within the floor's interval, above which laws do not
+/// take their place.
+const LESS: f64 = 0.8;
+
+/// Share of the error in contact that laws may leave there to act there, too.
+const IN_CONTACT: f64 = 0.9;
 
 /// Searches for laws beyond the catalogue where flights leave an error above the interval of its
 /// floor, where the catalogue needs effects of several kinds, or where the strength of a named
@@ -38,7 +46,9 @@ pub(crate) fn look_beyond(
     });
     let remains = left[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
     let several_above = several && session.model_error[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
-    if !(remains || several_above || out.misfit.is_some()) {
+    // an effect that stands in for a law of another form can reach a wide interval of the floor
+    let hides = with_effects.is_some() && left[0].as_ref().is_some_and(HeldOutResult::may_hide_more);
+    if !(remains || several_above || hides || out.misfit.is_some()) {
         return;
     }
     if until.is_over() {
@@ -48,19 +58,28 @@ pub(crate) fn look_beyond(
         return;
     }
     let first = out.rounds.first().map_or(&out.candidates, |r| &r.candidates);
-    let single = first.iter().filter(|c| !c.placebo).map(|c| c.held_out_ratio).fold(1.0, f64::min);
+    // what contact contradicts is no rival
+    let refuted = kept.is_empty() && out.rounds.first().is_some_and(|r| r.superseded);
+    let single = first.iter().filter(|c| !c.placebo && !refuted).map(|c| c.held_out_ratio).fold(1.0, f64::min);
     let ratio = (out.held_out_error_after / out.held_out_error).min(single);
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
     let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
     let errors = |p: Problem| p.folds.iter().map(|f| f.error).collect();
     let doubted = with_effects.filter(|_| out.misfit.is_some()).map(errors);
-    let rival = crate::laws::Rivals { ratio, single, several: several.then_some(unknowns), doubted };
+    let within_floor = hides && out.misfit.is_none() && !remains && !several_above;
+    let rival = crate::laws::Rivals { ratio, single, several: several.then_some(unknowns), doubted, within_floor };
     out.open = crate::laws::search(session, accepted, rival, &taken, until, options);
-    let Some(open) = &out.open else { return };
+    let Some(open) = &mut out.open else { return };
+    let staged = by_stages(session, open).and_then(|s| s.errors[0]);
+    if let Some(s) = &staged {
+        open.judged_by_stages(s);
+    }
     // a force of constant size is what the catalogue's own forces, gravity and frame rate look like
     let constant = open.laws.iter().all(|l| l.variables.is_empty() && l.direction != Direction::Towards);
-    if named && (!open.complete || constant) {
-        // what the catalogue names stands, unless a law brings the error to the floor
+    let pair = staged.zip(left[0]);
+    let leaves_less = pair.is_some_and(|(laws, effects)| laws.held_out_error < LESS * effects.held_out_error);
+    if named && (constant || (within_floor && !(open.complete && leaves_less))) {
+        // what the catalogue names stands, unless a law leaves less
         out.open = None;
         return;
     }
@@ -71,11 +90,26 @@ pub(crate) fn look_beyond(
         out.verdict = Verdict::Unexplained;
         out.effects.clear();
     }
-    if open.complete {
+    if !open.laws.is_empty() {
         // effects that removed a part of the error stood in for the law
         out.misfit = None;
         out.found.clear();
         out.ladder.clear();
         out.held_out_error_after = open.held_out_error_after;
     }
+}
+
+/// Errors with the laws of a search in the model. A law is fitted to flights; where it also lowers
+/// the error in contact, which no row of the search contains, it acts there, too.
+fn by_stages(session: &Session<'_>, open: &mut OpenWorld) -> Option<Staged> {
+    let in_flight = session.by_stages.with_laws(&open.laws)?;
+    let everywhere: Vec<FoundLaw> = open.laws.iter().map(FoundLaw::acting_everywhere).collect();
+    let Some(contact) = in_flight.errors[1] else { return Some(in_flight) };
+    let both = session.by_stages.with_laws(&everywhere).filter(|s| {
+        let left = s.errors[1].map_or(f64::INFINITY, |e| e.held_out_error);
+        left < IN_CONTACT * contact.held_out_error.min(session.model_error[1].map_or(0.0, |e| e.held_out_error))
+    });
+    let Some(both) = both else { return Some(in_flight) };
+    open.laws = everywhere;
+    Some(both)
 }

@@ -6,6 +6,7 @@
 //! computed.
 
 use crate::held_out::HeldOutResult;
+use crate::laws::FoundLaw;
 use crate::result::{Estimate, Found};
 use std::fmt;
 
@@ -45,8 +46,8 @@ impl Staged {
     }
 }
 
-/// The model with these effects; none where it cannot be computed.
-pub type Compute<'a> = &'a (dyn Fn(&[Found]) -> Option<Staged> + Sync);
+/// The model with these effects and laws; none where it cannot be computed.
+pub type Compute<'a> = &'a (dyn Fn(&[Found], &[&FoundLaw]) -> Option<Staged> + Sync);
 
 /// Computes a model by all stages, if the caller can.
 #[derive(Clone, Copy, Default)]
@@ -59,7 +60,12 @@ impl<'a> ByStages<'a> {
 
     /// The model with these effects.
     pub fn with(&self, found: &[Found]) -> Option<Staged> {
-        if found.is_empty() { None } else { self.0?(found) }
+        if found.is_empty() { None } else { self.0?(found, &[]) }
+    }
+
+    /// The model with these laws instead.
+    pub fn with_laws(&self, laws: &[FoundLaw]) -> Option<Staged> {
+        if laws.is_empty() { None } else { self.0?(&[], &laws.iter().collect::<Vec<_>>()) }
     }
 }
 

@@ -24,6 +24,8 @@ pub(crate) struct RoundResults<'a> {
     pub found: Vec<Found>,
     /// The variants.
     pub kept: Vec<Variant<'a>>,
+    /// Effects found in flight that contact contradicts, in words.
+    pub contradicted: Option<String>,
     /// Effects that could not be ranked.
     pub left_out: Vec<NotTried>,
     /// Held-out mean square of rows before and after the effects found.
@@ -74,7 +76,8 @@ pub(crate) fn conclude(
     until: &Until,
     options: &DiscoverOptions,
 ) -> Discovery {
-    let RoundResults { mut rounds, mut found, kept, left_out, errors: [before, after], has_flights } = made;
+    let RoundResults { mut rounds, mut found, kept, contradicted, left_out, errors: [before, after], has_flights } =
+        made;
     let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
     let mut steps = Vec::new();
     for (v, f) in kept.iter().zip(&found) {
@@ -226,7 +229,9 @@ pub(crate) fn conclude(
     if undecided.is_some() || rough.is_some() {
         out.verdict = Verdict::NotDetectable;
     }
-    out.words = if lost && far.is_none() {
+    out.words = if let Some(why) = contradicted.filter(|_| lost) {
+        format!("unexplained: {why}")
+    } else if lost && far.is_none() {
         "unexplained: the effects that a round named were dropped again beside those found later, so none is named"
             .to_owned()
     } else {

@@ -4,6 +4,7 @@ use crate::DiscoverError;
 use crate::beside::{Several, judge_each_beside_the_others};
 use crate::candidate::{Scored, Variant};
 use crate::conclude::{RoundResults, conclude, widen_found};
+use crate::contact::Beside;
 use crate::held_out::HeldOutResult;
 use crate::judge::AtFloor;
 use crate::ladder::{Refit, as_found, extra_columns, key_of, prune, refit_found, to_build_on};
@@ -74,6 +75,7 @@ pub fn discover(
     // domain
     let mut kept: Vec<Variant<'_>> = Vec::new();
     let mut left_out: Vec<NotTried> = Vec::new();
+    let mut contradicted = None;
     let mut to_come = domains.len();
     let mut floors: Vec<(Domain, Option<AtFloor>)> = Vec::new();
     for domain in domains {
@@ -81,6 +83,19 @@ pub fn discover(
         to_come -= 1;
         let mut first_gain: Option<f64> = None;
         let mut at_floor: Option<AtFloor> = None;
+        // what flights name has to hold in contact
+        let beside = Beside { accepted, kept: &kept, found: &found };
+        if domain == Domain::Contact
+            && let Some(why) = beside.contradicted(session, options)
+        {
+            for round in rounds.iter_mut().filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf)) {
+                round.words = format!("{}; not named, because {why}", round.words);
+                round.superseded = true;
+            }
+            let keys: Vec<String> = found.iter().map(|f| format!("`{}`", f.key)).collect();
+            contradicted = Some(format!("{} would lower the error in flight, but {why}", keys.join(" and ")));
+            (kept, found, after) = (Vec::new(), Vec::new(), before);
+        }
         for _ in 0..options.rounds.max(1) {
             let extra = extra_columns(session, domain, accepted, &kept, &found);
             let problem = match Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight) {
@@ -115,6 +130,7 @@ pub fn discover(
                 &extra,
                 effects,
                 &already,
+                Beside { accepted, kept: &kept, found: &found },
                 kept.is_empty(),
                 model,
                 has_flights,
@@ -326,6 +342,6 @@ pub fn discover(
         after = joint.map_or(after, |p| p.plain());
     }
     widen_found(session, accepted, &kept, &mut found, options);
-    let made = RoundResults { rounds, found, kept, left_out, errors: [before, after], has_flights };
+    let made = RoundResults { rounds, found, kept, contradicted, left_out, errors: [before, after], has_flights };
     Ok(conclude(session, effects, accepted, made, &until, options))
 }

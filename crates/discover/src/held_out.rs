@@ -76,6 +76,12 @@ impl HeldOutResult {
         self.noise_floor > 0.0 && !self.reached_by(self.held_out_error) && self.times_floor() > WORTH_A_SEARCH
     }
 
+    /// True if the error is within the floor's interval and more than 1.2 times the floor: where
+    /// the interval is wide, a law may be hidden there.
+    pub(crate) fn may_hide_more(&self) -> bool {
+        self.reached_by(self.held_out_error) && self.times_floor() > WORTH_A_SEARCH
+    }
+
     /// True if the error is beyond the floor's interval and 1.5 times the floor, and the errors of
     /// the parameters may be the reason.
     pub(crate) fn may_be_parameters(&self) -> bool {

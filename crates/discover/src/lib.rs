@@ -61,6 +61,7 @@ mod beyond;
 mod by_stages;
 mod candidate;
 mod conclude;
+mod contact;
 mod discover;
 mod drawn;
 mod error;

@@ -1,5 +1,6 @@
 //! One round of a discovery: all effects ranked against the model, and the ranking judged.
 
+use crate::contact::Beside;
 use crate::judge::{
     AtFloor, alternatives, chosen_shares, confusions, is_trivial, judge, minimum_detectable, parts, plausible,
 };
@@ -45,13 +46,15 @@ fn excluded(effect: &dyn Effect, already: &[(&dyn Effect, Target)], has_flights:
     })
 }
 
-/// Ranks all effects on a problem and judges the ranking.
+/// Ranks all effects on a problem and judges the ranking. `beside` is the model in
+/// the problem.
 pub(crate) fn run_round<'a>(
     session: &Session<'_>,
     problem: &Problem,
     extra: &[Vec<DMatrix<f64>>],
     effects: &[&'a dyn Effect],
     already: &[(&dyn Effect, Target)],
+    beside: Beside<'_, '_>,
     first_round: bool,
     model: Vec<String>,
     has_flights: bool,
@@ -186,6 +189,15 @@ pub(crate) fn run_round<'a>(
     let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
     let (mut verdict, mut effects, rival_tests) =
         judge(session, sharp.as_ref().unwrap_or(problem), &rivals, at_floor, options);
+    let by_plates = (verdict == Verdict::OneOf && problem.domain == Domain::Flight)
+        .then(|| beside.ruled_out(session, &rivals, &effects, options))
+        .flatten();
+    if let Some(plates) = &by_plates {
+        effects.retain(|id| !plates.effects.contains(id));
+        if effects.len() == 1 {
+            verdict = Verdict::Supported;
+        }
+    }
     // the effect that the answer describes, that joins the model in later rounds and that the user
     // is told to add is one and the same
     if let Some(first) = to_build_on(&rivals, &effects, options)
@@ -223,7 +235,10 @@ pub(crate) fn run_round<'a>(
         effect.map_or(options.belief, limit_for)
     };
     let limits: Vec<&str> = rival_tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.as_str()).collect();
-    let words = wording::round(verdict, &effects, &limits, &candidates, limit_of, few);
+    let mut words = wording::round(verdict, &effects, &limits, &candidates, limit_of, few);
+    if let Some(plates) = by_plates {
+        words = format!("{words}; {}", plates.words);
+    }
     let round = Round {
         judged_on: wording::domain(problem.domain).to_owned(),
         model,

@@ -68,6 +68,9 @@ pub(crate) struct Block {
     /// Number of rows before reduction (a factor keeps fewer).
     pub n_rows: usize,
     pub windows: Windows,
+    /// Orthonormal columns of a constant wrench of the plates whose zero is not known; it is taken
+    /// out of all rows.
+    pub zero: Option<DMatrix<f64>>,
 }
 
 #[derive(Debug, Clone)]
@@ -244,6 +247,29 @@ impl<'a> Session<'a> {
         self
     }
 
+    /// Takes out of the contact rows of some trials what any constant wrench explains: the plates
+    /// were never unloaded there, so that their zero is not known, and a constant says nothing of
+    /// the model. Nothing changes if no other trial with contact would remain.
+    #[must_use]
+    pub fn with_unknown_zeros(mut self, trials: &[&str]) -> Self {
+        let concerned = |b: &Block| b.kind == StretchKind::Contact && trials.contains(&self.trials[b.trial].as_str());
+        let of: Vec<bool> = self.blocks.iter().map(concerned).collect();
+        if !self.blocks.iter().zip(&of).any(|(b, of)| b.kind == StretchKind::Contact && !of) {
+            return self;
+        }
+        for i in (0..self.blocks.len()).filter(|&i| of[i]) {
+            let frames = self.series[self.blocks[i].trial][1].len();
+            let wrench = |axis: usize| vec![std::array::from_fn(|k| f64::from(u8::from(k == axis))); frames];
+            let constants: Vec<Vec<[f64; 6]>> = (0..6).map(wrench).collect();
+            let zero = self.modulated(i, &constants, &vec![1.0; frames], 1, 1).qr().q();
+            let block = &mut self.blocks[i];
+            block.y -= &zero * zero.tr_mul(&block.y);
+            block.w -= &zero * zero.tr_mul(&block.w);
+            block.zero = Some(zero);
+        }
+        self
+    }
+
     /// Computes the error with the effects found by `compute` (flight, contact) instead of
     /// estimating it from the rows, before the verdict is given.
     #[must_use]
@@ -302,6 +328,11 @@ impl<'a> Session<'a> {
         if let Some(change) = &inertia {
             for (block, rows) in self.blocks.iter().zip(&mut out) {
                 *rows += &block.y * change;
+            }
+        }
+        for (block, rows) in self.blocks.iter().zip(&mut out) {
+            if let Some(zero) = block.zero.as_ref().filter(|z| z.nrows() == rows.nrows()) {
+                *rows -= zero * zero.tr_mul(rows);
             }
         }
         Some(out)
@@ -379,13 +410,14 @@ impl Block {
                 force_weight,
                 moment_weight: force_weight / moment_length_m,
             },
+            zero: None,
         }
     }
 
     fn without_rows(&self) -> Self {
         let windows = Windows { centres: Vec::new(), origin: Vec::new(), psi: Vec::new(), ..self.windows };
         let (y, w) = (DMatrix::zeros(0, self.y.ncols()), DVector::zeros(0));
-        Self { y, w, n_rows: 0, windows, ..*self }
+        Self { y, w, n_rows: 0, windows, zero: None, ..*self }
     }
 
     /// True for force rows: weak rows come in sixes, force first.

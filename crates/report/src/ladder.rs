@@ -88,7 +88,7 @@ fn size(r: &HistoryRow, before: Option<&HistoryRow>, units: &HashMap<String, Str
 /// What `discover` promises for the effects that it found, or for laws that replace them.
 fn promised(story: &Story<'_>, first: &PlaceError) -> Option<Rung> {
     let d = asked(story)?;
-    let laws = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).map(|l| (l.id.as_str(), &l.coefficients));
+    let laws = d.open.iter().flat_map(|o| &o.laws).map(|l| (l.id.as_str(), &l.coefficients));
     let parts: Vec<(&str, &Vec<aloft_discover::Estimate>)> =
         d.found.iter().map(|f| (f.key.as_str(), &f.coefficients)).chain(laws).collect();
     if parts.is_empty() {

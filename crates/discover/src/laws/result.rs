@@ -2,7 +2,7 @@
 
 use super::kinematics::{Action, Direction};
 use crate::Estimate;
-use aloft_effects::FormulaEffect;
+use aloft_effects::{ActsIn, FormulaEffect};
 use serde::{Deserialize, Serialize};
 
 /// Where and how the remaining error acts, without a law: the best entry of the atlas.
@@ -97,6 +97,14 @@ pub struct FoundLaw {
     pub text: String,
     /// The law as an effect of the user's own.
     pub effect: FormulaEffect,
+}
+
+impl FoundLaw {
+    /// The law acting in contact as well as in flight.
+    pub(crate) fn acting_everywhere(&self) -> Self {
+        let effect = FormulaEffect { acts: ActsIn::Both, ..self.effect.clone() };
+        Self { text: format!("{}; it acts in contact, too", self.text), effect, ..self.clone() }
+    }
 }
 
 /// Work done by a law over all flights.

@@ -27,7 +27,7 @@ const DRAWS: usize = 60;
 /// Entries of the atlas for which laws are fitted.
 const TRIED: usize = 12;
 /// Laws are the answer if they leave no more than this multiple of the floor.
-const ANSWERED: f64 = 1.5;
+pub(super) const ANSWERED: f64 = 1.5;
 /// Laws that leave more than this share of the error are not named.
 const PART: f64 = 0.5;
 /// Laws that leave more than this share of what the catalogue leaves are not named.
@@ -74,6 +74,9 @@ pub(crate) struct Rivals {
     pub several: Option<usize>,
     /// Squared held-out error by cluster of named effects whose strength does not follow their law.
     pub doubted: Option<Vec<f64>>,
+    /// True if the named effects reach the floor's interval and nothing else is held against them:
+    /// any law that leaves less is stated, for the stages to compare both.
+    pub within_floor: bool,
 }
 
 /// Searches for a law beyond the catalogue on what a model leaves in flight. `taken` are
@@ -177,7 +180,7 @@ pub(crate) fn search(
         let same = law.fitted.errors.len() == errors.len();
         same && sign_flip_p(&law.fitted.errors, errors, 2000, options.seed ^ 0xf02a) < TRUER
     };
-    let better = ratio < BETTER * catalogue.ratio
+    let better = ratio < if catalogue.within_floor { 1.0 } else { BETTER } * catalogue.ratio
         || catalogue.several.is_some_and(simpler)
         || catalogue.doubted.as_ref().is_some_and(truer);
     let complete = complete && better;

@@ -3,6 +3,7 @@
 use super::kinematics::{Action, Direction, Variable};
 use super::law::{Law, PointIs};
 use super::result::{Diagnosis, LawKind, OpenWorld, Work};
+use super::search::ANSWERED;
 use crate::held_out::HeldOutResult;
 use crate::result::{Discovery, Estimate};
 use aloft_effects::Scene;
@@ -191,6 +192,16 @@ fn lead(o: &OpenWorld) -> String {
         (Some(times), None) if times < FAIR_TIMES_FLOOR => format!("{law} the error down to its floor"),
         (None, _) | (_, Some(true)) => format!("{law} the error down to its floor"),
         (Some(times), _) => format!("{law} most {} (fair)", left(times)),
+    }
+}
+
+impl OpenWorld {
+    /// Laws that leave no more than the floor as computed by all stages are the answer, whatever the
+    /// rows of the search say.
+    pub(crate) fn judged_by_stages(&mut self, after: &HeldOutResult) {
+        let at_floor = after.reached_by(after.held_out_error) || after.times_floor() <= ANSWERED;
+        self.complete |= at_floor && !self.laws.is_empty();
+        self.words = answer(self);
     }
 }
 

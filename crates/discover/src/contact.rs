@@ -1,0 +1,124 @@
+//! What contact says of effects that were found in flight.
+//!
+//! The effects that a round in flight names are fitted to flights alone. A force that is always
+//! there shows in contact as well, where the plates measure what weight and motion leave, with less
+//! noise than a flight has and in other postures and at other places. Among effects that flights
+//! cannot tell apart, one that leaves much more error in contact than another one is ruled out,
+//! although it is fitted to flights and contact together there. Effects with which contact has more
+//! error than without them are contradicted: they do not act as they are said to act.
+
+use crate::candidate::Variant;
+use crate::ladder::extra_columns;
+use crate::options::DiscoverOptions;
+use crate::problem::{Domain, Problem};
+use crate::rank::score_effect;
+use crate::result::Found;
+use crate::rivals::Rival;
+use crate::session::Session;
+use crate::statistics::sign_flip_p;
+use aloft_effects::{EffectInstance, Target};
+use rayon::prelude::*;
+
+/// Mean square error in contact over that of the best effect, from which on an effect is ruled out.
+const WORSE: f64 = 2.0;
+/// Mean square error in contact with effects over that without them, from which on contact
+/// contradicts them.
+const CONTRADICTED: f64 = 1.1;
+
+/// The model beside which effects are judged.
+#[derive(Clone, Copy)]
+pub(crate) struct Beside<'m, 'a> {
+    /// Effects of the present model.
+    pub accepted: &'m [EffectInstance<'m>],
+    /// Effects found.
+    pub kept: &'m [Variant<'a>],
+    /// The same with their estimates.
+    pub found: &'m [Found],
+}
+
+impl Beside<'_, '_> {
+    /// Rows of flights and contact, judged in contact, with some of the effects found; none if
+    /// contact cannot be judged.
+    fn in_contact(&self, session: &Session<'_>, with_found: bool, options: &DiscoverOptions) -> Option<Problem> {
+        let (kept, found) = if with_found { (self.kept, self.found) } else { Default::default() };
+        let extra = extra_columns(session, Domain::Contact, self.accepted, kept, found);
+        Problem::new(session, Domain::Contact, &extra, options.fewest_trials, options.prior_weight).ok()
+    }
+
+    /// Compares in contact the effects that a round in flight cannot tell apart.
+    pub(crate) fn ruled_out(
+        &self,
+        session: &Session<'_>,
+        rivals: &[Rival<'_>],
+        effects: &[String],
+        options: &DiscoverOptions,
+    ) -> Option<RuledOut> {
+        let named: Vec<&Rival<'_>> = rivals.iter().filter(|r| effects.iter().any(|id| id == r.id())).collect();
+        if named.len() < 2 {
+            return None;
+        }
+        let problem = self.in_contact(session, true, options)?;
+        let left: Vec<(&Rival<'_>, Vec<f64>)> = named
+            .into_par_iter()
+            .filter_map(|r| {
+                let variant = &r.scored.variant;
+                let same = self.kept.iter().filter(|v| v.effect.id() == r.id());
+                let taken: Vec<Target> = same.map(|v| v.target).collect();
+                let acting = Some(&variant.group[..]).filter(|g| !g.is_empty());
+                let score = score_effect(session, &problem, variant.effect, &taken, acting, false, true)?;
+                Some((r, score.fold_error))
+            })
+            .collect();
+        let sum = |errors: &[f64]| errors.iter().sum::<f64>();
+        let (best, least) = left.iter().min_by(|a, b| sum(&a.1).total_cmp(&sum(&b.1)))?;
+        let plain: f64 = problem.folds.iter().map(|f| f.error).sum();
+        if sum(least) >= plain {
+            return None;
+        }
+        let worse = |errors: &[f64]| {
+            sum(errors) > WORSE * sum(least)
+                && sign_flip_p(least, errors, 2000, options.seed ^ 0xc047) < options.significance
+        };
+        let (out, stay): (Vec<_>, Vec<_>) = left.iter().partition(|(_, errors)| worse(errors));
+        // one that narrowly missed acceptance cannot rule the others out
+        if out.is_empty() || !stay.iter().any(|(r, _)| r.believed) {
+            return None;
+        }
+        let share = |errors: &[f64]| 100.0 * (sum(errors) / plain).sqrt();
+        let each: Vec<String> = out.iter().map(|(r, e)| format!("`{}` {:.0} %", r.id(), share(e))).collect();
+        let words = format!(
+            "the force plates rule out what leaves more of the error in contact: {}, `{}` {:.0} %",
+            each.join(", "),
+            best.id(),
+            share(least)
+        );
+        Some(RuledOut { effects: out.iter().map(|(r, _)| r.id().to_owned()).collect(), words })
+    }
+
+    /// In words, if contact has clearly more error with the effects found than without them.
+    pub(crate) fn contradicted(&self, session: &Session<'_>, options: &DiscoverOptions) -> Option<String> {
+        if !self.kept.iter().any(|v| v.effect.acts().in_contact()) {
+            return None;
+        }
+        let errors = |with_found| -> Option<Vec<f64>> {
+            Some(self.in_contact(session, with_found, options)?.folds.iter().map(|f| f.error).collect())
+        };
+        let (without, with) = (errors(false)?, errors(true)?);
+        let ratio = with.iter().sum::<f64>() / without.iter().sum::<f64>();
+        let p = sign_flip_p(&without, &with, 2000, options.seed ^ 0xc048);
+        (ratio > CONTRADICTED && p < options.significance).then(|| {
+            format!(
+                "the force plates contradict that: the held-out error in contact would rise to {:.0} %",
+                100.0 * ratio.sqrt()
+            )
+        })
+    }
+}
+
+/// Effects that contact rules out.
+pub(crate) struct RuledOut {
+    /// Identifiers.
+    pub effects: Vec<String>,
+    /// The same in words.
+    pub words: String,
+}
