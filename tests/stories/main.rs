@@ -5,6 +5,7 @@
 mod batch;
 mod broken_lab;
 mod clusters;
+mod contact_evidence;
 mod corrections;
 mod corrections_each;
 mod demo;
