@@ -186,10 +186,12 @@ pub(crate) fn conclude(
     };
     // An error that remains far above its floor is not explained, whatever was found; nor is one of
     // which effects leave a share that the noise does not account for. Effects found
-    // in flight are judged in flight; their error in contact also contains what only contact shows.
+    // in flight are judged in flight; their error in contact also contains what only contact shows,
+    // but a force that is always there cannot leave contact far above its floor.
     let only_flight = kept.iter().any(|v| v.effect.acts().in_flight()) && has_flights;
+    let in_both = kept.iter().any(|v| v.effect.acts().in_flight() && v.effect.acts().in_contact());
     let far = (0..2)
-        .filter(|i| *i == 0 || !only_flight)
+        .filter(|i| *i == 0 || !only_flight || (in_both && left[1].is_some_and(|s| s.is_far())))
         .filter_map(|i| {
             let (before, after) = (session.model_error[i]?, left[i]?);
             let judged_here = kept.iter().any(|v| v.effect.acts().in_flight() == (i == 0));

@@ -45,20 +45,24 @@ impl Beside<'_, '_> {
         Problem::new(session, Domain::Contact, &extra, options.fewest_trials, options.prior_weight).ok()
     }
 
-    /// Compares in contact the effects that a round in flight cannot tell apart.
-    pub(crate) fn ruled_out(
+    /// Compares in contact the effects that a round in flight cannot tell apart, and those that fit
+    /// flights only at the far edge of their range (`limits`).
+    pub(crate) fn by_plates(
         &self,
         session: &Session<'_>,
         rivals: &[Rival<'_>],
         effects: &[String],
+        limits: &[String],
         options: &DiscoverOptions,
-    ) -> Option<RuledOut> {
-        let named: Vec<&Rival<'_>> = rivals.iter().filter(|r| effects.iter().any(|id| id == r.id())).collect();
-        if named.len() < 2 {
+    ) -> Option<ByPlates> {
+        let is_named = |r: &Rival<'_>| effects.iter().any(|id| id == r.id());
+        let compared: Vec<&Rival<'_>> =
+            rivals.iter().filter(|r| is_named(r) || limits.iter().any(|id| id == r.id())).collect();
+        if compared.len() < 2 {
             return None;
         }
         let problem = self.in_contact(session, true, options)?;
-        let left: Vec<(&Rival<'_>, Vec<f64>)> = named
+        let left: Vec<(&Rival<'_>, Vec<f64>)> = compared
             .into_par_iter()
             .filter_map(|r| {
                 let variant = &r.scored.variant;
@@ -70,29 +74,43 @@ impl Beside<'_, '_> {
             })
             .collect();
         let sum = |errors: &[f64]| errors.iter().sum::<f64>();
-        let (best, least) = left.iter().min_by(|a, b| sum(&a.1).total_cmp(&sum(&b.1)))?;
+        let less = |a: &[f64], b: &[f64]| sign_flip_p(a, b, 2000, options.seed ^ 0xc047) < options.significance;
+        let least_of = |of: &dyn Fn(&Rival<'_>) -> bool| {
+            left.iter().filter(|(r, _)| of(r)).min_by(|a, b| sum(&a.1).total_cmp(&sum(&b.1)))
+        };
+        // one that fits flights at the edge of its range is named where contact prefers it
+        let simplest = least_of(&is_named)?;
+        let inside: Vec<String> = left
+            .iter()
+            .filter(|(r, e)| !is_named(r) && sum(e) < sum(&simplest.1) && less(e, &simplest.1))
+            .map(|(r, _)| r.id().to_owned())
+            .collect();
+        let stands = |r: &Rival<'_>| is_named(r) || inside.iter().any(|id| id == r.id());
+        let (best, least) = least_of(&stands)?;
         let plain: f64 = problem.folds.iter().map(|f| f.error).sum();
         if sum(least) >= plain {
             return None;
         }
-        let worse = |errors: &[f64]| {
-            sum(errors) > WORSE * sum(least)
-                && sign_flip_p(least, errors, 2000, options.seed ^ 0xc047) < options.significance
-        };
-        let (out, stay): (Vec<_>, Vec<_>) = left.iter().partition(|(_, errors)| worse(errors));
+        let worse = |errors: &[f64]| sum(errors) > WORSE * sum(least) && less(least, errors);
+        let (out, stay): (Vec<_>, Vec<_>) =
+            left.iter().filter(|(r, _)| stands(r)).partition(|(_, errors)| worse(errors));
         // one that narrowly missed acceptance cannot rule the others out
-        if out.is_empty() || !stay.iter().any(|(r, _)| r.believed) {
+        if (out.is_empty() && inside.is_empty()) || !stay.iter().any(|(r, _)| r.believed) {
             return None;
         }
         let share = |errors: &[f64]| 100.0 * (sum(errors) / plain).sqrt();
         let each: Vec<String> = out.iter().map(|(r, e)| format!("`{}` {:.0} %", r.id(), share(e))).collect();
-        let words = format!(
-            "the force plates rule out what leaves more of the error in contact: {}, `{}` {:.0} %",
-            each.join(", "),
-            best.id(),
-            share(least)
-        );
-        Some(RuledOut { effects: out.iter().map(|(r, _)| r.id().to_owned()).collect(), words })
+        let words = if out.is_empty() {
+            String::new()
+        } else {
+            format!(
+                "the force plates rule out what leaves more of the error in contact: {}, `{}` {:.0} %",
+                each.join(", "),
+                best.id(),
+                share(least)
+            )
+        };
+        Some(ByPlates { ruled_out: out.iter().map(|(r, _)| r.id().to_owned()).collect(), inside, words })
     }
 
     /// In words, if contact has clearly more error with the effects found than without them.
@@ -115,10 +133,12 @@ impl Beside<'_, '_> {
     }
 }
 
-/// Effects that contact rules out.
-pub(crate) struct RuledOut {
-    /// Identifiers.
-    pub effects: Vec<String>,
-    /// The same in words.
+/// What contact says of effects that flights cannot tell apart.
+pub(crate) struct ByPlates {
+    /// Effects that contact rules out.
+    pub ruled_out: Vec<String>,
+    /// Effects that fit flights at the far edge of their range only, and contact inside of it.
+    pub inside: Vec<String>,
+    /// What is ruled out, in words.
     pub words: String,
 }

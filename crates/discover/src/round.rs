@@ -187,16 +187,19 @@ pub(crate) fn run_round<'a>(
         .collect();
     confusions(session, problem, &scores, &mut candidates, options);
     let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
-    let (mut verdict, mut effects, rival_tests) =
+    let (mut verdict, mut effects, mut rival_tests) =
         judge(session, sharp.as_ref().unwrap_or(problem), &rivals, at_floor, options);
-    let by_plates = (verdict == Verdict::OneOf && problem.domain == Domain::Flight)
-        .then(|| beside.ruled_out(session, &rivals, &effects, options))
+    let at_edge: Vec<String> = rival_tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.clone()).collect();
+    let by_plates = (matches!(verdict, Verdict::OneOf | Verdict::Supported) && problem.domain == Domain::Flight)
+        .then(|| beside.by_plates(session, &rivals, &effects, &at_edge, options))
         .flatten();
     if let Some(plates) = &by_plates {
-        effects.retain(|id| !plates.effects.contains(id));
-        if effects.len() == 1 {
-            verdict = Verdict::Supported;
+        effects.extend(plates.inside.iter().cloned());
+        effects.retain(|id| !plates.ruled_out.contains(id));
+        for test in rival_tests.iter_mut().filter(|d| plates.inside.contains(&d.effect)) {
+            test.only_as_limit = false;
         }
+        verdict = if effects.len() == 1 { Verdict::Supported } else { Verdict::OneOf };
     }
     // the effect that the answer describes, that joins the model in later rounds and that the user
     // is told to add is one and the same
@@ -236,7 +239,7 @@ pub(crate) fn run_round<'a>(
     };
     let limits: Vec<&str> = rival_tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.as_str()).collect();
     let mut words = wording::round(verdict, &effects, &limits, &candidates, limit_of, few);
-    if let Some(plates) = by_plates {
+    if let Some(plates) = by_plates.filter(|p| !p.words.is_empty()) {
         words = format!("{words}; {}", plates.words);
     }
     let round = Round {

@@ -130,10 +130,14 @@ pub(crate) fn misfit(scene: &Scene, effect: &str, place: &str, v: Variable, p: f
     )
 }
 
-/// Other links that are not excluded.
+/// Other links that are not excluded; their number where they are many, as for a couple, which turns
+/// the whole body wherever it acts.
 pub(crate) fn also(names: &[String]) -> String {
     match names {
         [] => String::new(),
+        names if names.len() > MOST_NAMED => {
+            format!("; any of {} other links may be its place", names.len())
+        }
         names => {
             let list: Vec<String> = names.iter().map(|n| carrier(n)).collect();
             format!("; {} is not excluded as its place", list.join(" or "))
@@ -180,6 +184,9 @@ pub(crate) fn documentation(text: &str, values: &[&Estimate], ratio: f64, p: f64
         100.0 * ratio
     )
 }
+
+/// Largest number of other links that are named.
+const MOST_NAMED: usize = 3;
 
 /// How much of the error laws describe: the words follow the judgement of what they leave, with the
 /// limits of the ladder.
