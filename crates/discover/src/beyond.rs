@@ -35,6 +35,9 @@ pub(crate) fn look_beyond(
 ) {
     let several = kept.iter().any(|v| v.effect.id() != kept[0].effect.id());
     let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
+    // an effect with the wrong law can fit flights and leave contact far above its floor
+    let acting = kept.iter().any(|v| v.effect.acts().in_flight() && v.effect.acts().in_contact());
+    let far_in_contact = acting && left[1].as_ref().is_some_and(HeldOutResult::is_far);
     let with_effects = (named && !kept.is_empty() && !until.is_over())
         .then(|| {
             let extra = extra_columns(session, Domain::Flight, accepted, kept, &out.found);
@@ -47,7 +50,7 @@ pub(crate) fn look_beyond(
     let remains = left[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
     let several_above = several && session.model_error[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
     // an effect that stands in for a law of another form can reach a wide interval of the floor
-    let hides = with_effects.is_some() && left[0].as_ref().is_some_and(HeldOutResult::may_hide_more);
+    let hides = far_in_contact || with_effects.is_some() && left[0].as_ref().is_some_and(HeldOutResult::may_hide_more);
     if !(remains || several_above || hides || out.misfit.is_some()) {
         return;
     }
@@ -70,17 +73,24 @@ pub(crate) fn look_beyond(
     let rival = crate::laws::Rivals { ratio, single, several: several.then_some(unknowns), doubted, within_floor };
     out.open = crate::laws::search(session, accepted, rival, &taken, until, options);
     let Some(open) = &mut out.open else { return };
-    let staged = by_stages(session, open).and_then(|s| s.errors[0]);
-    if let Some(s) = &staged {
+    let staged = by_stages(session, open).map(|s| s.errors);
+    if let Some([Some(s), _]) = &staged {
         open.judged_by_stages(s);
     }
     // a force of constant size is what the catalogue's own forces, gravity and frame rate look like
     let constant = open.laws.iter().all(|l| l.variables.is_empty() && l.direction != Direction::Towards);
-    let pair = staged.zip(left[0]);
-    let leaves_less = pair.is_some_and(|(laws, effects)| laws.held_out_error < LESS * effects.held_out_error);
-    if named && (constant || (within_floor && !(open.complete && leaves_less))) {
-        // what the catalogue names stands, unless a law leaves less
-        out.open = None;
+    let less = |place: usize| {
+        let laws = staged.and_then(|s| s[place]);
+        laws.zip(left[place]).is_some_and(|(laws, e)| laws.held_out_error < LESS * e.held_out_error)
+    };
+    let leaves_less = less(0) || far_in_contact && less(1);
+    if (named || far_in_contact) && (constant || (within_floor && !(open.complete && leaves_less))) {
+        if named {
+            // what the catalogue names stands, unless a law leaves less
+            out.open = None;
+        } else if let Some(model_error) = &session.model_error[0] {
+            open.without_laws(model_error);
+        }
         return;
     }
     let limit = if session.prior.is_some() { options.belief_kinematics } else { options.belief };

@@ -203,6 +203,16 @@ fn lead(o: &OpenWorld) -> String {
 }
 
 impl OpenWorld {
+    /// Keeps where the error acts, and states no law.
+    pub(crate) fn without_laws(&mut self, now: &HeldOutResult) {
+        self.laws.clear();
+        (self.next, self.complete) = (None, false);
+        self.held_out_error_after = now.held_out_error;
+        self.times_floor_after = Some(now.times_floor()).filter(|t| t.is_finite());
+        self.at_floor_after = now.noise_floor_ci95.map(|_| now.reached_by(now.held_out_error));
+        self.words = answer(self);
+    }
+
     /// Laws that leave no more than the floor as computed by all stages are the answer, whatever the
     /// rows of the search say.
     pub(crate) fn judged_by_stages(&mut self, after: &HeldOutResult) {
