@@ -209,7 +209,7 @@ def judge(line):
     classes = [set(group["effects"]) for group in found.get("groups") or []] or [set(found["effects"])]
     named = set().union(*classes)
     if not line["truth"] and not (found.get("open") or {}).get("laws"):
-        return "wrong" if named else "right"
+        return "wrong" if named else "unexplained" if found["verdict"] == "unexplained" else "right"
     if (found.get("open") or {}).get("laws"):
         return "wrong"
     if found["verdict"] == "unexplained":

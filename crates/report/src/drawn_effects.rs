@@ -126,6 +126,9 @@ fn spans(n: usize, flights: &[Flight]) -> Vec<Span> {
     out
 }
 
+/// Largest number of characters of a label in the figure.
+const LONGEST_LABEL: usize = 40;
+
 fn one(
     series: &Series<'_>,
     scene: &Scene,
@@ -134,7 +137,9 @@ fn one(
     frames: usize,
     out: &mut Drawn,
 ) {
-    let name = choice.effect.title().to_owned();
+    // long titles would cover the figure
+    let title = choice.effect.title();
+    let name = if title.len() > LONGEST_LABEL { choice.effect.id() } else { title }.to_owned();
     let coefficients = choice.effect.coefficients(scene, choice.target);
     let values: Vec<f64> = coefficients
         .iter()
@@ -176,7 +181,9 @@ fn one(
             },
         }
     }
-    let most = forces.iter().map(Vec::len).max().unwrap_or(0).min(MOST_ARROWS);
+    // a pure couple has no arrow
+    let acts = forces.iter().flatten().any(|(_, force)| force.norm() > 1e-9);
+    let most = if acts { forces.iter().map(Vec::len).max().unwrap_or(0).min(MOST_ARROWS) } else { 0 };
     let none = [[f64::NAN; 3]; 2];
     let mut arrows = vec![vec![none; most]; frames];
     let mut rings = vec![vec![none]; frames];
