@@ -26,6 +26,7 @@ mod form;
 mod formula;
 mod kinematics;
 mod law;
+mod near_joint;
 mod next;
 mod one_law;
 mod result;

@@ -7,6 +7,7 @@ use super::fit::{self, Fitted};
 use super::formula::is_curve;
 use super::kinematics::{Action, Carrier, Variable};
 use super::law::{Law, PointIs};
+use super::near_joint::other_links;
 use super::next::next_recording;
 use super::one_law::{OneLaw, SIMPLER, one_law};
 use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
@@ -393,7 +394,8 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> Found
     let kind = if is_curve(&law) { LawKind::Curve } else { LawKind::Formula };
     let work = work(session, f);
     let point = point_of(&law, &f.nonlinear, &nonlinear);
-    let also: Vec<String> = also.iter().map(|c| c.name(scene)).collect();
+    let at_joint = other_links(&scene.model, law.carrier, &point).into_iter().filter(|c| !also.contains(c));
+    let also: Vec<String> = also.iter().copied().chain(at_joint).map(|c| c.name(scene)).collect();
     let text = wording::law(scene, &law, &f.nonlinear, &f.theta, work) + &wording::also(&also);
     let values: Vec<&Estimate> = coefficients.iter().chain(&nonlinear[split..]).chain(&point).collect();
     let documentation = wording::documentation(&text, &values, *ratio, *p);
