@@ -242,18 +242,15 @@ fn same_plates(rows: &mut [TrialRows]) -> Vec<Vector3<f64>> {
     names.into_iter().map(|(_, c)| c).collect()
 }
 
-/// True if every recording with plates shows what they read without a load, or has the constant
-/// taken out of its rows because another one shows it.
+/// True if every recording with plates shows what they read without a load.
 fn zeros_are_known(session: &SubjectSession) -> bool {
     let ws = Workspace::open(&session.workspace);
-    let taken_out = unknown_zeros(session);
-    let shown = |trial: &str| {
-        let tares: Vec<PlateTare> = read_json(&ws.place("flight", trial).join("tare.json")).ok()?;
-        (!tares.is_empty()).then(|| tares.iter().all(|t| t.source != TareSource::None))
-    };
     let dynamic = session.included().filter(|t| t.role.is_dynamic());
-    let of: Vec<(bool, bool)> = dynamic.filter_map(|t| Some((shown(&t.name)?, taken_out.contains(&t.name)))).collect();
-    of.iter().any(|(shown, _)| *shown) && of.iter().all(|(shown, taken_out)| *shown || *taken_out)
+    let tares: Vec<PlateTare> = dynamic
+        .filter_map(|t| read_json::<Vec<PlateTare>>(&ws.place("flight", &t.name).join("tare.json")).ok())
+        .flatten()
+        .collect();
+    !tares.is_empty() && tares.iter().all(|t| t.source != TareSource::None)
 }
 
 /// Recordings of which the comparison takes a constant of the plates off.

@@ -62,9 +62,13 @@ pub(crate) fn run_round<'a>(
     options: &DiscoverOptions,
 ) -> (Round, Vec<EffectScore<'a>>, Vec<Rival<'a>>) {
     let all = effects;
+    // beside a force that flights show, the zero of a plate would only undo what the force does in
+    // contact; recordings that show it are not in doubt
+    let zeros_known = !beside.kept.is_empty() && session.blocks.iter().any(|b| b.zero.is_some());
     let used: Vec<(&'a dyn Effect, bool)> = effects
         .iter()
         .copied()
+        .filter(|e| !(zeros_known && e.about().shows_unloaded))
         .filter(|e| wanted(*e, options) && judged_in(*e, problem.domain) && !excluded(*e, already, has_flights))
         .map(|e| (e, false))
         .chain(PLACEBOS.iter().map(|p| (p as &dyn Effect, true)))

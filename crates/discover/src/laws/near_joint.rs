@@ -9,11 +9,13 @@ use aloft_body::Model;
 use nalgebra::Vector3;
 
 /// Links that share with `carrier` a joint within the 95 % intervals of the point of a force
-/// (coordinates in the link's frame, m; a coordinate without an interval is not determined).
-pub(super) fn other_links(model: &Model, carrier: Carrier, point: &[Estimate]) -> Vec<Carrier> {
+/// (coordinates in the link's frame, m; a coordinate without an interval is not determined), widened
+/// by `slack_m`, the accuracy of joint centres.
+pub(super) fn other_links(model: &Model, carrier: Carrier, point: &[Estimate], slack_m: f64) -> Vec<Carrier> {
     let (Carrier::Link(own), [_, _, _]) = (carrier, point) else { return Vec::new() };
     let is_at = |joint: &Vector3<f64>| {
-        let within = |k: usize| point[k].ci95.is_none_or(|[low, high]| (low..=high).contains(&joint[k]));
+        let within =
+            |k: usize| point[k].ci95.is_none_or(|[low, high]| (low - slack_m..=high + slack_m).contains(&joint[k]));
         (0..3).all(within) && point.iter().any(|e| e.ci95.is_some())
     };
     let children = model.links.iter().enumerate().filter(|(_, link)| link.parent == Some(own));
@@ -58,11 +60,15 @@ mod tests {
         ];
         let model = Model::from_spec(&ModelSpec::new("two".into(), links)).unwrap();
         let hinge = model.links[1].joint.parent_from_joint.translation.vector;
-        let near = |carrier, at: [f64; 3]| other_links(&model, Carrier::Link(carrier), &point(at));
+        let near = |carrier, at: [f64; 3]| other_links(&model, Carrier::Link(carrier), &point(at), 0.0);
         assert_eq!(near(1, [0.01, 0.0, -0.01]), [Carrier::Link(0)]);
         assert_eq!(near(0, hinge.into()), [Carrier::Link(1)]);
         assert!(near(1, [0.0, 0.05, 0.0]).is_empty());
-        assert!(other_links(&model, Carrier::Body, &point([0.0; 3])).is_empty());
-        assert!(other_links(&model, Carrier::Link(1), &[]).is_empty());
+        // 40 mm from the hinge, with an interval of 20 mm
+        let off = point([0.0, 0.04, 0.0]);
+        assert!(other_links(&model, Carrier::Link(1), &off, 0.0).is_empty());
+        assert_eq!(other_links(&model, Carrier::Link(1), &off, 0.025), [Carrier::Link(0)]);
+        assert!(other_links(&model, Carrier::Body, &point([0.0; 3]), 0.0).is_empty());
+        assert!(other_links(&model, Carrier::Link(1), &[], 0.0).is_empty());
     }
 }

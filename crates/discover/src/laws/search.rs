@@ -48,6 +48,8 @@ const MOST_FITTED: usize = 60;
 const FEWEST: usize = 20;
 /// Gauss-Newton steps of a law that is fitted again.
 const STEPS: usize = 15;
+/// Accuracy of the joint centres of a person in motion, m.
+const JOINTS_OF_PEOPLE_M: f64 = 0.025;
 /// Largest number of laws.
 const ROUNDS: usize = 3;
 
@@ -394,7 +396,8 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> Found
     let kind = if is_curve(&law) { LawKind::Curve } else { LawKind::Formula };
     let work = work(session, f);
     let point = point_of(&law, &f.nonlinear, &nonlinear);
-    let at_joint = other_links(&scene.model, law.carrier, &point).into_iter().filter(|c| !also.contains(c));
+    let slack_m = if session.prior.is_some() { JOINTS_OF_PEOPLE_M } else { 0.0 };
+    let at_joint = other_links(&scene.model, law.carrier, &point, slack_m).into_iter().filter(|c| !also.contains(c));
     let also: Vec<String> = also.iter().copied().chain(at_joint).map(|c| c.name(scene)).collect();
     let text = wording::law(scene, &law, &f.nonlinear, &f.theta, work) + &wording::also(&also);
     let values: Vec<&Estimate> = coefficients.iter().chain(&nonlinear[split..]).chain(&point).collect();
