@@ -286,6 +286,9 @@ fn standing_of(e: &HeldOutError) -> Option<HeldOutResult> {
     })
 }
 
+/// The effects and laws that were last computed by the stages, and their errors.
+type LastComputed = (Vec<Found>, Vec<String>, Vec<HeldOutError>);
+
 /// The discovery as `--json` shows it.
 #[derive(Debug, Clone, Serialize)]
 pub struct DiscoveryView {
@@ -344,8 +347,7 @@ fn found(
         options.without.extend(shown);
     }
     let mut refused = Vec::new();
-    // the effects and laws that were last computed by the stages, and their errors
-    let last: Mutex<Option<(Vec<Found>, Vec<String>, Vec<HeldOutError>)>> = Mutex::new(None);
+    let last: Mutex<Option<LastComputed>> = Mutex::new(None);
     let ids = |laws: &[&FoundLaw]| laws.iter().map(|l| format!("{} {:?}", l.id, l.effect.acts)).collect::<Vec<_>>();
     let by_stages = |found: &[Found], laws: &[&FoundLaw]| {
         let made = promised(session, found, laws, volume).ok()??;

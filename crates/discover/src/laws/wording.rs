@@ -130,8 +130,8 @@ pub(crate) fn misfit(scene: &Scene, effect: &str, place: &str, v: Variable, p: f
     )
 }
 
-/// Other links that are not excluded; their number where they are many, as for a couple, which turns
-/// the whole body wherever it acts.
+/// Other links that are not excluded; their number where they are many, as for a couple, which
+/// turns the whole body wherever it acts.
 pub(crate) fn also(names: &[String]) -> String {
     match names {
         [] => String::new(),
