@@ -8,9 +8,9 @@ use crate::result::Estimate;
 use aloft_body::Model;
 use nalgebra::Vector3;
 
-/// Links that share with `carrier` a joint within the 95 % intervals of the point of a force
-/// (coordinates in the link's frame, m; a coordinate without an interval is not determined), widened
-/// by `slack_m`, the accuracy of joint centres.
+/// Links that share with `carrier` a joint within the 95 % intervals of the point of a force,
+/// widened by `slack_m`, the accuracy of joint centres. Coordinates are in the link's frame, m; one
+/// without an interval is not determined.
 pub(super) fn other_links(model: &Model, carrier: Carrier, point: &[Estimate], slack_m: f64) -> Vec<Carrier> {
     let (Carrier::Link(own), [_, _, _]) = (carrier, point) else { return Vec::new() };
     let is_at = |joint: &Vector3<f64>| {

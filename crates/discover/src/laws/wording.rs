@@ -213,8 +213,8 @@ impl OpenWorld {
         self.words = answer(self);
     }
 
-    /// Laws that leave no more than the floor as computed by all stages are the answer, whatever the
-    /// rows of the search say.
+    /// Laws that leave no more than the floor as computed by all stages are the answer, whatever
+    /// the rows of the search say.
     pub(crate) fn judged_by_stages(&mut self, after: &HeldOutResult) {
         let at_floor = after.reached_by(after.held_out_error) || after.times_floor() <= ANSWERED;
         self.complete |= at_floor && !self.laws.is_empty();
