@@ -9,9 +9,8 @@
 //! others. This is repeated until nothing changes.
 
 use crate::candidate::Variant;
-use crate::contact::Beside;
 use crate::judge::AtFloor;
-use crate::ladder::{as_found, extra_columns, refit_found, to_build_on};
+use crate::ladder::{Refit, as_found, extra_columns, refit_found, to_build_on};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::result::{Found, Round, Verdict};
@@ -92,14 +91,14 @@ pub(crate) fn judge_each_beside_the_others<'a>(
                 in_model.chain(others.iter().map(|v| (v.effect, v.target))).collect();
             let keys = accepted.iter().map(|c| c.key(session.scene));
             let model: Vec<String> = keys.chain(others_found.iter().map(|f| f.key.clone())).collect();
-            let beside = Beside { accepted, kept: &others, found: &others_found };
+            let beside = Refit { accepted, kept: &others, found: &others_found, options };
             let (mut round, _, rivals) = run_round(
                 session,
                 &problem,
                 &extra,
                 effects,
                 &already,
-                beside,
+                &beside,
                 false,
                 model,
                 has_flights,

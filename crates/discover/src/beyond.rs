@@ -17,7 +17,7 @@ use aloft_effects::{Effect, EffectInstance};
 /// take their place.
 const LESS: f64 = 0.8;
 
-/// Share of the error in contact that laws may leave there to act there, too.
+/// Largest share of the error in contact that a law of both may leave.
 const IN_CONTACT: f64 = 0.9;
 
 /// Searches for laws beyond the catalogue where flights leave an error above the interval of its
@@ -28,6 +28,7 @@ pub(crate) fn look_beyond(
     accepted: &[EffectInstance<'_>],
     effects: &[&dyn Effect],
     kept: &[Variant<'_>],
+    refuted: bool,
     left: &[Option<HeldOutResult>; 2],
     out: &mut Discovery,
     until: &Until,
@@ -62,7 +63,6 @@ pub(crate) fn look_beyond(
     }
     let first = out.rounds.first().map_or(&out.candidates, |r| &r.candidates);
     // what contact contradicts is no rival
-    let refuted = kept.is_empty() && out.rounds.first().is_some_and(|r| r.superseded);
     let single = first.iter().filter(|c| !c.placebo && !refuted).map(|c| c.held_out_ratio).fold(1.0, f64::min);
     let ratio = (out.held_out_error_after / out.held_out_error).min(single);
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
@@ -73,7 +73,7 @@ pub(crate) fn look_beyond(
     let rival = crate::laws::Rivals { ratio, single, several: several.then_some(unknowns), doubted, within_floor };
     out.open = crate::laws::search(session, accepted, rival, &taken, until, options);
     let Some(open) = &mut out.open else { return };
-    let staged = by_stages(session, open).map(|s| s.errors);
+    let staged = where_they_act(session, open).map(|s| s.errors);
     if let Some([Some(s), _]) = &staged {
         open.judged_by_stages(s);
     }
@@ -109,9 +109,9 @@ pub(crate) fn look_beyond(
     }
 }
 
-/// Errors with the laws of a search in the model. A law is fitted to flights; where it also lowers
-/// the error in contact, which no row of the search contains, it acts there, too.
-fn by_stages(session: &Session<'_>, open: &mut OpenWorld) -> Option<Staged> {
+/// Errors with the laws of a search in the model, by the stages. Laws are fitted to flights; if they
+/// also lower the error in contact, of which the search has no row, they become laws of both.
+fn where_they_act(session: &Session<'_>, open: &mut OpenWorld) -> Option<Staged> {
     let in_flight = session.by_stages.with_laws(&open.laws)?;
     let everywhere: Vec<FoundLaw> = open.laws.iter().map(FoundLaw::acting_everywhere).collect();
     let Some(contact) = in_flight.errors[1] else { return Some(in_flight) };

@@ -221,7 +221,8 @@ pub(crate) fn conclude(
         out.groups.clear();
     }
     if has_flights && !options.closed && options.only.is_empty() {
-        look_beyond(session, accepted, effects, &kept, &left, &mut out, until, options);
+        let refuted = contradicted.is_some();
+        look_beyond(session, accepted, effects, &kept, refuted, &left, &mut out, until, options);
     }
     // an error within the interval of a floor that is hardly known may hold anything
     let undecided = model_error.filter(|s| out.verdict == Verdict::NothingMissing && s.is_undecided());

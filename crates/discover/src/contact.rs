@@ -7,41 +7,28 @@
 //! although it is fitted to flights and contact together there. Effects with which contact has more
 //! error than without them are contradicted: they do not act as they are said to act.
 
-use crate::candidate::Variant;
-use crate::ladder::extra_columns;
-use crate::options::DiscoverOptions;
+use crate::ladder::{Refit, extra_columns};
 use crate::problem::{Domain, Problem};
 use crate::rank::score_effect;
-use crate::result::Found;
 use crate::rivals::Rival;
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
-use aloft_effects::{EffectInstance, Target};
+use aloft_effects::Target;
 use rayon::prelude::*;
 
-/// Mean square error in contact over that of the best effect, from which on an effect is ruled out.
+/// Mean square error in contact over that of the best effect, above which an effect is ruled out.
 const WORSE: f64 = 2.0;
-/// Mean square error in contact with effects over that without them, from which on contact
-/// contradicts them.
+/// Mean square error in contact with effects over that without them, above which contact contradicts
+/// them.
 const CONTRADICTED: f64 = 1.1;
 
-/// The model beside which effects are judged.
-#[derive(Clone, Copy)]
-pub(crate) struct Beside<'m, 'a> {
-    /// Effects of the present model.
-    pub accepted: &'m [EffectInstance<'m>],
-    /// Effects found.
-    pub kept: &'m [Variant<'a>],
-    /// The same with their estimates.
-    pub found: &'m [Found],
-}
-
-impl Beside<'_, '_> {
-    /// Rows of flights and contact, judged in contact, with some of the effects found; none if
+impl Refit<'_, '_> {
+    /// Rows of flights and contact, judged in contact, with or without the effects found; none if
     /// contact cannot be judged.
-    fn in_contact(&self, session: &Session<'_>, with_found: bool, options: &DiscoverOptions) -> Option<Problem> {
+    fn in_contact(&self, session: &Session<'_>, with_found: bool) -> Option<Problem> {
         let (kept, found) = if with_found { (self.kept, self.found) } else { Default::default() };
         let extra = extra_columns(session, Domain::Contact, self.accepted, kept, found);
+        let options = self.options;
         Problem::new(session, Domain::Contact, &extra, options.fewest_trials, options.prior_weight).ok()
     }
 
@@ -53,15 +40,15 @@ impl Beside<'_, '_> {
         rivals: &[Rival<'_>],
         effects: &[String],
         limits: &[String],
-        options: &DiscoverOptions,
     ) -> Option<ByPlates> {
+        let options = self.options;
         let is_named = |r: &Rival<'_>| effects.iter().any(|id| id == r.id());
         let compared: Vec<&Rival<'_>> =
             rivals.iter().filter(|r| is_named(r) || limits.iter().any(|id| id == r.id())).collect();
         if compared.len() < 2 {
             return None;
         }
-        let problem = self.in_contact(session, true, options)?;
+        let problem = self.in_contact(session, true)?;
         let left: Vec<(&Rival<'_>, Vec<f64>)> = compared
             .into_par_iter()
             .filter_map(|r| {
@@ -99,13 +86,13 @@ impl Beside<'_, '_> {
             return None;
         }
         let share = |errors: &[f64]| 100.0 * (sum(errors) / plain).sqrt();
-        let each: Vec<String> = out.iter().map(|(r, e)| format!("`{}` {:.0} %", r.id(), share(e))).collect();
+        let each: Vec<String> = out.iter().map(|(r, e)| format!("`{}` ({:.0} %)", r.id(), share(e))).collect();
         let words = if out.is_empty() {
             String::new()
         } else {
             format!(
-                "the force plates rule out what leaves more of the error in contact: {}, `{}` {:.0} %",
-                each.join(", "),
+                "the force plates speak against {}: `{}` leaves {:.0} % of the error in contact",
+                each.join(" and "),
                 best.id(),
                 share(least)
             )
@@ -114,19 +101,19 @@ impl Beside<'_, '_> {
     }
 
     /// In words, if contact has clearly more error with the effects found than without them.
-    pub(crate) fn contradicted(&self, session: &Session<'_>, options: &DiscoverOptions) -> Option<String> {
+    pub(crate) fn contradicted(&self, session: &Session<'_>) -> Option<String> {
         if !self.kept.iter().any(|v| v.effect.acts().in_contact()) {
             return None;
         }
         let errors = |with_found| -> Option<Vec<f64>> {
-            Some(self.in_contact(session, with_found, options)?.folds.iter().map(|f| f.error).collect())
+            Some(self.in_contact(session, with_found)?.folds.iter().map(|f| f.error).collect())
         };
         let (without, with) = (errors(false)?, errors(true)?);
         let ratio = with.iter().sum::<f64>() / without.iter().sum::<f64>();
-        let p = sign_flip_p(&without, &with, 2000, options.seed ^ 0xc048);
-        (ratio > CONTRADICTED && p < options.significance).then(|| {
+        let p = sign_flip_p(&without, &with, 2000, self.seed() ^ 0xc048);
+        (ratio > CONTRADICTED && p < self.options.significance).then(|| {
             format!(
-                "the force plates contradict that: the held-out error in contact would rise to {:.0} %",
+                "the force plates contradict it: the held-out error in contact would rise to {:.0} % of what it is",
                 100.0 * ratio.sqrt()
             )
         })

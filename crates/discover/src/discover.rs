@@ -4,7 +4,6 @@ use crate::DiscoverError;
 use crate::beside::{Several, judge_each_beside_the_others};
 use crate::candidate::{Scored, Variant};
 use crate::conclude::{RoundResults, conclude, widen_found};
-use crate::contact::Beside;
 use crate::held_out::HeldOutResult;
 use crate::judge::AtFloor;
 use crate::ladder::{Refit, as_found, extra_columns, key_of, prune, refit_found, to_build_on};
@@ -84,9 +83,9 @@ pub fn discover(
         let mut first_gain: Option<f64> = None;
         let mut at_floor: Option<AtFloor> = None;
         // what flights name has to hold in contact
-        let beside = Beside { accepted, kept: &kept, found: &found };
+        let beside = Refit { accepted, kept: &kept, found: &found, options };
         if domain == Domain::Contact
-            && let Some(why) = beside.contradicted(session, options)
+            && let Some(why) = beside.contradicted(session)
         {
             for round in rounds.iter_mut().filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf)) {
                 round.words = format!("{}; not named, because {why}", round.words);
@@ -130,7 +129,7 @@ pub fn discover(
                 &extra,
                 effects,
                 &already,
-                Beside { accepted, kept: &kept, found: &found },
+                &Refit { accepted, kept: &kept, found: &found, options },
                 kept.is_empty(),
                 model,
                 has_flights,

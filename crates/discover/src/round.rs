@@ -1,10 +1,9 @@
 //! One round of a discovery: all effects ranked against the model, and the ranking judged.
 
-use crate::contact::Beside;
 use crate::judge::{
     AtFloor, alternatives, chosen_shares, confusions, is_trivial, judge, minimum_detectable, parts, plausible,
 };
-use crate::ladder::{estimates, group_names, key_of, to_build_on};
+use crate::ladder::{Refit, estimates, group_names, key_of, to_build_on};
 use crate::limits::{limit, limit_by_number};
 use crate::options::DiscoverOptions;
 use crate::placebo::PLACEBOS;
@@ -46,15 +45,15 @@ fn excluded(effect: &dyn Effect, already: &[(&dyn Effect, Target)], has_flights:
     })
 }
 
-/// Ranks all effects on a problem and judges the ranking. `beside` is the model in
-/// the problem.
+/// Ranks all effects on a problem and judges the ranking. `beside` is the model in the
+/// problem.
 pub(crate) fn run_round<'a>(
     session: &Session<'_>,
     problem: &Problem,
     extra: &[Vec<DMatrix<f64>>],
     effects: &[&'a dyn Effect],
     already: &[(&dyn Effect, Target)],
-    beside: Beside<'_, '_>,
+    beside: &Refit<'_, '_>,
     first_round: bool,
     model: Vec<String>,
     has_flights: bool,
@@ -195,7 +194,7 @@ pub(crate) fn run_round<'a>(
         judge(session, sharp.as_ref().unwrap_or(problem), &rivals, at_floor, options);
     let at_edge: Vec<String> = rival_tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.clone()).collect();
     let by_plates = (matches!(verdict, Verdict::OneOf | Verdict::Supported) && problem.domain == Domain::Flight)
-        .then(|| beside.by_plates(session, &rivals, &effects, &at_edge, options))
+        .then(|| beside.by_plates(session, &rivals, &effects, &at_edge))
         .flatten();
     if let Some(plates) = &by_plates {
         effects.extend(plates.inside.iter().cloned());

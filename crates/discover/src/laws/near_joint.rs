@@ -1,7 +1,7 @@
 //! The other link of a joint at which a force acts.
 //!
-//! A force at a joint turns neither of its links about it, so that it may act on either of them. A
-//! point that the recordings place at a joint therefore leaves the link open.
+//! A force through a joint has no moment about it, so that it may act on either of the two links. If
+//! the recordings place the point at a joint, the link is therefore not determined.
 
 use super::kinematics::Carrier;
 use crate::result::Estimate;
@@ -9,7 +9,7 @@ use aloft_body::Model;
 use nalgebra::Vector3;
 
 /// Links that share with `carrier` a joint within the 95 % intervals of the point of a force,
-/// widened by `slack_m`, the accuracy of joint centres. Coordinates are in the link's frame, m; one
+/// widened by `slack_m`. Coordinates are in the link's frame, m; one
 /// without an interval is not determined.
 pub(super) fn other_links(model: &Model, carrier: Carrier, point: &[Estimate], slack_m: f64) -> Vec<Carrier> {
     let (Carrier::Link(own), [_, _, _]) = (carrier, point) else { return Vec::new() };
@@ -45,7 +45,7 @@ mod tests {
     }
 
     #[test]
-    fn a_point_at_a_joint_leaves_both_of_its_links_open() {
+    fn a_point_at_a_joint_leaves_both_of_its_links_open() -> Result<(), Box<dyn std::error::Error>> {
         let link = |name: &str, parent: Option<&str>, joint, position_m| LinkSpec {
             name: name.to_owned(),
             parent: parent.map(str::to_owned),
@@ -58,7 +58,7 @@ mod tests {
             link("base", None, JointSpec::Free, [0.0; 3]),
             link("arm", Some("base"), JointSpec::RevoluteZ, [0.0, 0.25, 0.02]),
         ];
-        let model = Model::from_spec(&ModelSpec::new("two".into(), links)).unwrap();
+        let model = Model::from_spec(&ModelSpec::new("two".into(), links))?;
         let hinge = model.links[1].joint.parent_from_joint.translation.vector;
         let near = |carrier, at: [f64; 3]| other_links(&model, Carrier::Link(carrier), &point(at), 0.0);
         assert_eq!(near(1, [0.01, 0.0, -0.01]), [Carrier::Link(0)]);
@@ -70,5 +70,6 @@ mod tests {
         assert_eq!(other_links(&model, Carrier::Link(1), &off, 0.025), [Carrier::Link(0)]);
         assert!(other_links(&model, Carrier::Body, &point([0.0; 3]), 0.0).is_empty());
         assert!(other_links(&model, Carrier::Link(1), &[], 0.0).is_empty());
+        Ok(())
     }
 }

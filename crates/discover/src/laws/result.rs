@@ -100,10 +100,10 @@ pub struct FoundLaw {
 }
 
 impl FoundLaw {
-    /// The law acting in contact as well as in flight.
+    /// The law, acting in contact as well as in flight.
     pub(crate) fn acting_everywhere(&self) -> Self {
         let effect = FormulaEffect { acts: ActsIn::Both, ..self.effect.clone() };
-        Self { text: format!("{}; it acts in contact, too", self.text), effect, ..self.clone() }
+        Self { text: format!("{}; it lowers the error in contact, too", self.text), effect, ..self.clone() }
     }
 }
 

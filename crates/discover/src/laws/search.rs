@@ -48,8 +48,9 @@ const MOST_FITTED: usize = 60;
 const FEWEST: usize = 20;
 /// Gauss-Newton steps of a law that is fitted again.
 const STEPS: usize = 15;
-/// Accuracy of the joint centres of a person in motion, m.
-const JOINTS_OF_PEOPLE_M: f64 = 0.025;
+/// Distance from a joint within which a force on a person may act on either link, beyond the
+/// intervals of its point, which contain neither soft tissue nor errors of joint centres, m.
+const NEAR_JOINT_M: f64 = 0.025;
 /// Largest number of laws.
 const ROUNDS: usize = 3;
 
@@ -396,7 +397,7 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> Found
     let kind = if is_curve(&law) { LawKind::Curve } else { LawKind::Formula };
     let work = work(session, f);
     let point = point_of(&law, &f.nonlinear, &nonlinear);
-    let slack_m = if session.prior.is_some() { JOINTS_OF_PEOPLE_M } else { 0.0 };
+    let slack_m = if session.prior.is_some() { NEAR_JOINT_M } else { 0.0 };
     let at_joint = other_links(&scene.model, law.carrier, &point, slack_m).into_iter().filter(|c| !also.contains(c));
     let also: Vec<String> = also.iter().copied().chain(at_joint).map(|c| c.name(scene)).collect();
     let text = wording::law(scene, &law, &f.nonlinear, &f.theta, work) + &wording::also(&also);
