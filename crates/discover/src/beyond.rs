@@ -109,8 +109,8 @@ pub(crate) fn look_beyond(
     }
 }
 
-/// Errors with the laws of a search in the model, by the stages. Laws are fitted to flights; if they
-/// also lower the error in contact, of which the search has no row, they become laws of both.
+/// Errors with the laws of a search in the model, by the stages. Laws are fitted to flights; if
+/// they also lower the error in contact, of which the search has no row, they become laws of both.
 fn where_they_act(session: &Session<'_>, open: &mut OpenWorld) -> Option<Staged> {
     let in_flight = session.by_stages.with_laws(&open.laws)?;
     let everywhere: Vec<FoundLaw> = open.laws.iter().map(FoundLaw::acting_everywhere).collect();

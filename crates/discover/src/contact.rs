@@ -18,8 +18,8 @@ use rayon::prelude::*;
 
 /// Mean square error in contact over that of the best effect, above which an effect is ruled out.
 const WORSE: f64 = 2.0;
-/// Mean square error in contact with effects over that without them, above which contact contradicts
-/// them.
+/// Mean square error in contact with effects over that without them, above which contact
+/// contradicts them.
 const CONTRADICTED: f64 = 1.1;
 
 impl Refit<'_, '_> {

@@ -1,7 +1,7 @@
 //! The other link of a joint at which a force acts.
 //!
-//! A force through a joint has no moment about it, so that it may act on either of the two links. If
-//! the recordings place the point at a joint, the link is therefore not determined.
+//! A force through a joint has no moment about it, so that it may act on either of the two links.
+//! If the recordings place the point at a joint, the link is therefore not determined.
 
 use super::kinematics::Carrier;
 use crate::result::Estimate;
