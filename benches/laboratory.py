@@ -9,10 +9,13 @@ import sys
 import tempfile
 import threading
 import time
+from collections import OrderedDict
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 TOLERANCE = 0.2
+# processed laboratories that are kept: an answer is asked of the recordings that gave its scale
+KEPT = 12
 
 
 def read_lines(path):
@@ -90,6 +93,7 @@ class Laboratories:
         self.aloft, self.kind, self.seed = args.aloft, args.body, args.seed
         self.pipeline = ROOT / f"pipelines/{args.body}.yaml"
         self.out, self.lock = Path(args.out), threading.Lock()
+        self.places = OrderedDict()
         self.out.mkdir(parents=True, exist_ok=True)
         self.digest = hashlib.sha256(Path(self.aloft).read_bytes()).hexdigest()[:12]
 
@@ -100,14 +104,26 @@ class Laboratories:
         with self.lock, open(self.out / name, "a") as file:
             file.write(json.dumps(line) + "\n")
 
-    def processed(self, place, scenarios, seed):
-        """Simulates and runs; folder options for the commands that ask."""
+    def processed(self, scenarios, seed):
+        """Simulates and runs, unless this laboratory is still there: its folder, which exists while a caller holds it, and
+        options for the commands that ask."""
+        key = json.dumps([scenarios, seed])
+        with self.lock:
+            if key in self.places:
+                return self.places[key]
+        folder = tempfile.TemporaryDirectory()
+        place = Path(folder.name)
         data = prepare(self.aloft, place, scenarios, seed)
         at = ["--data", data, "--workspace", place / "ws"]
         done = call(self.aloft, "run", self.pipeline, *at)
         if done.returncode:
             raise RuntimeError(done.stderr[-500:])
-        return at
+        with self.lock:
+            self.places[key] = folder, at
+            while len(self.places) > KEPT:
+                # the folder is removed with the last reference to it
+                self.places.popitem(last=False)
+        return folder, at
 
     def held_out(self, at):
         """Error on left-out flights (left-out contact where nothing acts in flight is asked by `judged_on`), and the floor: N."""
@@ -115,22 +131,21 @@ class Laboratories:
         return {entry["judged_on"]: (entry["held_out_error"], entry["floor"]["noise_floor"]) for entry in compared["against_floor"]}
 
     def error_of(self, scenarios, seed, judged_on="flight"):
-        with tempfile.TemporaryDirectory() as folder:
-            errors = self.held_out(self.processed(Path(folder), scenarios, seed))
+        _folder, at = self.processed(scenarios, seed)
+        errors = self.held_out(at)
         if judged_on not in errors:
             raise RuntimeError(f"no comparison in {judged_on}")
         return errors[judged_on]
 
     def ask(self, scenarios, seed, judged_on="flight", options=()):
         """The program's answer: a line for `sets.jsonl`."""
-        with tempfile.TemporaryDirectory() as folder:
-            at = self.processed(Path(folder), scenarios, seed)
-            error, floor = self.held_out(at)[judged_on]
-            start = time.time()
-            done = call(self.aloft, "discover", self.pipeline, *at, "--json", *options)
-            if done.returncode and not done.stdout:
-                raise RuntimeError(done.stderr[-500:])
-            found = json.loads(done.stdout)
+        _folder, at = self.processed(scenarios, seed)
+        error, floor = self.held_out(at)[judged_on]
+        start = time.time()
+        done = call(self.aloft, "discover", self.pipeline, *at, "--json", *options)
+        if done.returncode and not done.stdout:
+            raise RuntimeError(done.stderr[-500:])
+        found = json.loads(done.stdout)
         kept = {k: found.get(k) for k in ("verdict", "effects", "words", "noise_floor", "noise_floor_ci95", "held_out_error", "held_out_error_after", "open", "groups")}
         if kept["open"]:
             kept["open"] = {**kept["open"], "atlas": (kept["open"].get("atlas") or [])[:5]}

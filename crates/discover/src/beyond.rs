@@ -70,7 +70,14 @@ pub(crate) fn look_beyond(
     let errors = |p: Problem| p.folds.iter().map(|f| f.error).collect();
     let doubted = with_effects.filter(|_| out.misfit.is_some()).map(errors);
     let within_floor = hides && out.misfit.is_none() && !remains && !several_above;
-    let rival = crate::laws::Rivals { ratio, single, several: several.then_some(unknowns), doubted, within_floor };
+    let rival = crate::laws::Rivals {
+        ratio,
+        single,
+        several: several.then_some(unknowns),
+        doubted,
+        within_floor,
+        far_in_contact,
+    };
     out.open = crate::laws::search(session, accepted, rival, &taken, until, options);
     let Some(open) = &mut out.open else { return };
     let staged = where_they_act(session, open).map(|s| s.errors);

@@ -18,6 +18,8 @@ pub(crate) enum Domain {
     Flight,
     /// All rows for fitting, those of contact for judging.
     Contact,
+    /// All rows for fitting and judging: laws that act in flight and in contact.
+    Both,
 }
 
 #[derive(Clone)]
@@ -101,9 +103,9 @@ impl Problem {
         given: Option<f64>,
     ) -> Result<Self, DiscoverError> {
         let used: Vec<usize> = (0..session.blocks.len())
-            .filter(|&i| domain == Domain::Contact || session.blocks[i].kind != StretchKind::Contact)
+            .filter(|&i| domain != Domain::Flight || session.blocks[i].kind != StretchKind::Contact)
             .collect();
-        let judged = |i: usize| domain == Domain::Flight || session.blocks[i].kind == StretchKind::Contact;
+        let judged = |i: usize| domain != Domain::Contact || session.blocks[i].kind == StretchKind::Contact;
         let mut trials: Vec<usize> = used.iter().map(|&i| session.blocks[i].trial).collect();
         trials.sort_unstable();
         trials.dedup();

@@ -426,5 +426,6 @@ pub(crate) fn judged_in(effect: &dyn Effect, domain: Domain) -> bool {
     match domain {
         Domain::Flight => effect.acts().in_flight(),
         Domain::Contact => effect.acts().in_contact() && !effect.acts().in_flight(),
+        Domain::Both => effect.acts().in_contact() && effect.acts().in_flight(),
     }
 }

@@ -315,7 +315,7 @@ impl<'a> Session<'a> {
             for (of, series) in pair.iter().enumerate() {
                 let its =
                     |b: &Block| b.trial == trial && usize::from(b.kind != StretchKind::Flight) == of && b.y.nrows() > 0;
-                if (of == 1 && domain != Domain::Contact) || !self.blocks.iter().any(its) {
+                if (of == 1 && domain == Domain::Flight) || !self.blocks.iter().any(its) {
                     continue;
                 }
                 made.reset(series.len(), k);
@@ -336,6 +336,18 @@ impl<'a> Session<'a> {
             }
         }
         Some(out)
+    }
+
+    /// Place of a block's series among those of all trials: flights and contact of the first trial,
+    /// of the second …
+    pub(crate) fn series_of(&self, block: usize) -> usize {
+        let b = &self.blocks[block];
+        2 * b.trial + usize::from(b.kind != StretchKind::Flight)
+    }
+
+    /// The session with the rows of its flights only.
+    pub(crate) fn in_flight(&self) -> Self {
+        self.with_rows_of(&self.blocks.iter().map(|b| b.kind != StretchKind::Contact).collect::<Vec<_>>())
     }
 
     /// The session with the rows of some blocks only; the others keep their places, without rows.
@@ -428,8 +440,8 @@ impl Block {
 
 impl Session<'_> {
     /// Rows of a block for wrenches `unit[d] · weight[b]`, in the rows' weights; column `d · nb +
-    /// b`. `unit[d]` holds force and moment about the world origin in every frame of the trial's
-    /// flight series, `weight` holds `nb` numbers a frame. Every `stride`-th frame of a window is
+    /// b`. `unit[d]` holds force and moment about the world origin in every frame of the block's
+    /// series, `weight` holds `nb` numbers a frame. Every `stride`-th frame of a window is
     /// used.
     pub(crate) fn modulated(
         &self,
@@ -474,6 +486,9 @@ impl Session<'_> {
                     rows[(6 * w + axis, c)] = *x;
                 }
             }
+        }
+        if let Some(zero) = b.zero.as_ref().filter(|z| z.nrows() == rows.nrows()) {
+            rows -= zero * zero.tr_mul(&rows);
         }
         rows
     }

@@ -11,6 +11,7 @@ pub(crate) fn domain(domain: Domain) -> &'static str {
     match domain {
         Domain::Flight => "flight",
         Domain::Contact => "contact",
+        Domain::Both => "flight and contact",
     }
 }
 

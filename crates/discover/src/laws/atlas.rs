@@ -46,26 +46,28 @@ pub(crate) struct Atlas {
     pub tried: usize,
 }
 
-/// Frames of all trials with the kinematics of one place.
+/// Frames with the kinematics of one place: flights and contact of the first trial, of the second …
+/// ([`Session::series_of`]).
 pub(crate) struct PlaceFrames<'s> {
-    pub trials: Vec<Vec<(EffectFrame<'s>, Instant)>>,
+    pub series: Vec<Vec<(EffectFrame<'s>, Instant)>>,
 }
 
 impl<'s> PlaceFrames<'s> {
-    /// Trials of which no rows are in use (see [`crate::thin`]) have no frames.
+    /// Series of which no rows are in use (see [`crate::thin`], [`Session::in_flight`]) have no
+    /// frames.
     pub fn new(session: &'s Session<'_>, carrier: Carrier, point: &Vector3<f64>) -> Self {
-        let left_out = |trial: usize| {
-            let mut of = session.blocks.iter().filter(|b| b.trial == trial).peekable();
-            of.peek().is_some() && of.all(|b| b.y.nrows() == 0)
+        let mut in_use = vec![false; 2 * session.series.len()];
+        for (i, block) in session.blocks.iter().enumerate() {
+            in_use[session.series_of(i)] |= block.y.nrows() > 0;
+        }
+        let of = |(series, in_use): (&'s aloft_effects::Series<'_>, bool)| {
+            let frames = series.instants().map(|(_, f)| (f, Instant::of(&f, carrier, point)));
+            if in_use { frames.collect() } else { Vec::new() }
         };
-        let of = |(trial, pair): (usize, &'s [aloft_effects::Series<'_>; 2])| {
-            let frames = pair[0].instants().map(|(_, f)| (f, Instant::of(&f, carrier, point)));
-            if left_out(trial) { Vec::new() } else { frames.collect() }
-        };
-        Self { trials: session.series.iter().enumerate().map(of).collect() }
+        Self { series: session.series.iter().flatten().zip(in_use).map(of).collect() }
     }
 
-    /// Wrench of the unit vector of each component, by trial.
+    /// Wrench of the unit vector of each component, by series.
     pub fn unit(
         &self,
         action: Action,
@@ -73,7 +75,7 @@ impl<'s> PlaceFrames<'s> {
         components: &[usize],
         anchor: &Vector3<f64>,
     ) -> Vec<Vec<Vec<[f64; 6]>>> {
-        self.trials
+        self.series
             .iter()
             .map(|frames| {
                 components
@@ -96,9 +98,9 @@ impl<'s> PlaceFrames<'s> {
             .collect()
     }
 
-    /// Values of a variable by trial.
+    /// Values of a variable by series.
     pub fn values(&self, variable: Variable, anchor: &Vector3<f64>) -> Vec<Vec<f64>> {
-        self.trials.iter().map(|t| t.iter().map(|(f, at)| variable.value(f, at, anchor)).collect()).collect()
+        self.series.iter().map(|t| t.iter().map(|(f, at)| variable.value(f, at, anchor)).collect()).collect()
     }
 }
 
@@ -149,11 +151,11 @@ pub(crate) fn columns(
         .clusters
         .iter()
         .map(|c| {
-            let mut out = DMatrix::zeros(c.b.len(), unit[c.trial].len() * nb);
+            let mut out = DMatrix::zeros(c.b.len(), unit[session.series_of(c.blocks[0])].len() * nb);
             let mut at = 0;
             for &i in &c.blocks {
-                let trial = session.blocks[i].trial;
-                let rows = session.modulated(i, &unit[trial], &weight[trial], nb, stride);
+                let series = session.series_of(i);
+                let rows = session.modulated(i, &unit[series], &weight[series], nb, stride);
                 out.view_mut((at, 0), rows.shape()).copy_from(&rows);
                 at += rows.nrows();
             }
@@ -250,7 +252,7 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
         .into_iter()
         .filter_map(|v| {
             if v == Variable::None {
-                let ones = frames.trials.iter().map(|t| vec![1.0; t.len()]).collect();
+                let ones = frames.series.iter().map(|t| vec![1.0; t.len()]).collect();
                 return Some((v, Range { low: 0.0, high: 1.0 }, ones, 1));
             }
             let values = frames.values(v, &none);
@@ -355,25 +357,30 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
         }
     }
     for anchor in anchors(scene, &frames) {
-        let unit = frames.unit(Action::Force, Direction::Towards, &[0], &anchor);
-        let values = frames.values(Variable::Distance, &anchor);
-        let logs: Vec<Vec<f64>> = values.iter().map(|t| t.iter().map(|d| d.max(1e-6).ln()).collect()).collect();
-        let (Some(range), Some(of_logs)) = (range_of(&values), range_of(&logs)) else { continue };
-        let weight: Vec<Vec<f64>> = logs
-            .iter()
-            .map(|t| {
-                let powers = |l: &f64| {
-                    let x = (l - of_logs.low) / of_logs.width() * 2.0 - 1.0;
-                    [1.0, x, x * x, x * x * x]
-                };
-                t.iter().flat_map(powers).collect()
-            })
-            .collect();
+        let Some((unit, weight, range)) = towards(&frames, &anchor) else { continue };
         let base = Group { variable: Variable::Distance, range, anchor, ..blank(Action::Force, Direction::Towards) };
         add(&unit, &base, &[&[0]], &weight, 4);
     }
     sort(&mut out.groups);
     out
+}
+
+/// Unit wrench, four powers of the logarithm of the distance, and its range, for a force towards a
+/// point of the room.
+#[allow(clippy::type_complexity)]
+pub(super) fn towards(
+    frames: &PlaceFrames<'_>,
+    anchor: &Vector3<f64>,
+) -> Option<(Vec<Vec<Vec<[f64; 6]>>>, Vec<Vec<f64>>, Range)> {
+    let values = frames.values(Variable::Distance, anchor);
+    let logs: Vec<Vec<f64>> = values.iter().map(|t| t.iter().map(|d| d.max(1e-6).ln()).collect()).collect();
+    let (range, of_logs) = (range_of(&values)?, range_of(&logs)?);
+    let powers = |l: &f64| {
+        let x = (l - of_logs.low) / of_logs.width() * 2.0 - 1.0;
+        [1.0, x, x * x, x * x * x]
+    };
+    let weight = logs.iter().map(|t| t.iter().flat_map(powers).collect()).collect();
+    Some((frames.unit(Action::Force, Direction::Towards, &[0], anchor), weight, range))
 }
 
 /// Angular frequencies of the clock, rad/s: steps that lose no line between them, up to 8 Hz.
@@ -382,7 +389,7 @@ fn frequencies(frames: &PlaceFrames<'_>) -> Vec<f64> {
         (Some(a), Some(b)) => b.0.time_s - a.0.time_s,
         _ => 0.0,
     };
-    let duration = frames.trials.iter().map(long).fold(0.5, f64::max);
+    let duration = frames.series.iter().map(long).fold(0.5, f64::max);
     let step = 0.4 / duration;
     let first = (0.4 / duration).max(0.15);
     let n = (((8.0 - first) / step) as usize).min(400);
@@ -390,7 +397,7 @@ fn frequencies(frames: &PlaceFrames<'_>) -> Vec<f64> {
 }
 
 /// Anchors around the volume of the motion, world, m.
-fn anchors(scene: &Scene, frames: &PlaceFrames<'_>) -> Vec<Vector3<f64>> {
+pub(super) fn anchors(scene: &Scene, frames: &PlaceFrames<'_>) -> Vec<Vector3<f64>> {
     let values: Vec<Vec<Vec<f64>>> = (0..3).map(|k| frames.values(Variable::Place(k), &Vector3::zeros())).collect();
     let Some(ranges) = values.iter().map(|v| range_of(v)).collect::<Option<Vec<Range>>>() else { return Vec::new() };
     let few = scene.model.n_links() > MANY_LINKS;

@@ -246,7 +246,7 @@ pub(crate) fn distinct(groups: &[Group], most: usize) -> Vec<&Group> {
 }
 
 /// Places and directions, best first.
-fn places<'g>(groups: &[&'g Group], most: usize) -> Vec<&'g Group> {
+pub(super) fn places<'g>(groups: &[&'g Group], most: usize) -> Vec<&'g Group> {
     let mut out: Vec<&Group> = Vec::new();
     for g in groups {
         let same = |o: &&Group| o.carrier == g.carrier && o.action == g.action && o.direction == g.direction;
@@ -345,6 +345,7 @@ pub(crate) fn simplify(session: &Session<'_>, problem: &Problem, found: Fitted) 
     let mut best = found;
     let (point, anchor, parts) = best.law.divided(&best.nonlinear);
     let parts: Vec<Vec<f64>> = parts.into_iter().map(<[f64]>::to_vec).collect();
+    let of_point = best.nonlinear[..best.law.point_is.unknowns()].to_vec();
     // a power that is nearly a simple number
     for (i, p) in parts.iter().enumerate() {
         let shape = best.law.factors[i].shape;
@@ -363,10 +364,7 @@ pub(crate) fn simplify(session: &Session<'_>, problem: &Problem, found: Fitted) 
         } else {
             law.factors[i].fixed = Some(vec![near]);
         }
-        let mut start = Vec::new();
-        if law.point_is == PointIs::Free {
-            start.extend(point.iter());
-        }
+        let mut start = of_point.clone();
         if law.has_anchor() {
             start.extend(anchor.iter());
         }

@@ -48,6 +48,7 @@ pub(crate) fn misfit(
     if session.series.is_empty() {
         return None;
     }
+    let session = &session.in_flight();
     let evidence = Evidence::new(problem, DRAWS, seed)?;
     let stride = stride(session);
     let mut null = vec![1.0_f64; DRAWS];
@@ -97,17 +98,17 @@ pub(crate) fn misfit(
     })
 }
 
-/// Force and moment about the world origin of an effect in every frame of a flight, one column.
+/// Force and moment about the world origin of an effect in every frame, one column, by series.
 fn force_of(session: &Session<'_>, variant: &Variant<'_>, found: &Found) -> Vec<Vec<Vec<[f64; 6]>>> {
     let k = variant.coefficients.len();
     session
         .series
         .iter()
+        .flatten()
         .enumerate()
-        .map(|(trial, pair)| {
-            let series = &pair[0];
+        .map(|(of, series)| {
             let mut out = Columns::zeros(series.len(), k);
-            if variant.group.is_empty() || variant.group[trial] {
+            if variant.group.is_empty() || variant.group[of / 2] {
                 variant.effect.evaluate(series, variant.target, &variant.nonlinear, &mut out);
             }
             let frame = |f: usize| {

@@ -196,7 +196,7 @@ fn simplified(text: &str) -> String {
 
 impl Effect for Law {
     fn about(&self) -> About<'_> {
-        About { id: &self.id, title: "law found on the recordings", acts: ActsIn::Flight, ..About::PLAIN }
+        About { id: &self.id, title: "law found on the recordings", acts: ActsIn::Both, ..About::PLAIN }
     }
     fn targets(&self, _: &Scene) -> Vec<Target> {
         vec![Target::Body]
@@ -254,9 +254,6 @@ impl Effect for Law {
         let (point, anchor, parts) = self.divided(nonlinear);
         let mut strengths = Vec::new();
         for (i, frame) in series.instants() {
-            if !frame.flight {
-                continue;
-            }
             let at = Instant::of(&frame, self.carrier, &point);
             self.strengths(&frame, &at, &anchor, &parts, &mut strengths);
             let mut column = 0;

@@ -8,6 +8,7 @@
 //! | atlas | `atlas` | every place, direction and variable with a free curve, ranked by held-out error |
 //! | laws | `fit`, `law` | expressions for the best entries, with point, anchor and constants fitted in every fold |
 //! | rounds | `search` | a second factor, the simplest law that is as good, and again on what remains |
+//! | contact | `with_contact` | the law that flights and contact show together |
 //! | form | `form` | whether the strength of an effect that the catalogue names follows its law |
 //! | advice | `next` | the recording that tells a law from the next best one |
 //! | output | `formula`, `result`, `wording` | an effect of the user's own, numbers, words |
@@ -32,6 +33,7 @@ mod one_law;
 mod result;
 mod search;
 mod shape;
+mod with_contact;
 mod wording;
 
 pub use kinematics::{Action, Carrier, Direction, Variable};

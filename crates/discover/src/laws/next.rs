@@ -79,7 +79,7 @@ fn difference(session: &Session<'_>, a: &Fitted, b: &Fitted, change: &Change) ->
     });
     let (mut sum, mut n) = (0.0, 0.0);
     let mut buffer = Vec::new();
-    for (one, other) in frames[0].trials.iter().flatten().zip(frames[1].trials.iter().flatten()).step_by(STEP) {
+    for (one, other) in frames[0].series.iter().flatten().zip(frames[1].series.iter().flatten()).step_by(STEP) {
         let middle =
             Instant { position: one.0.com, velocity: one.0.com_velocity, rotation: one.1.rotation, omega: one.1.omega };
         let com = change.of(&middle, session.scene).position;

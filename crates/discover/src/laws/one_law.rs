@@ -30,15 +30,18 @@ pub(super) struct OneLaw {
 }
 
 /// The law for the best entries: an expression, with a second factor where that removes more, or
-/// the free curve.
+/// the free curve. `more` are laws fitted to these rows already.
 pub(super) fn one_law(
     session: &Session<'_>,
     problem: &Problem,
     evidence: &Evidence,
     groups: &[&Group],
+    more: Vec<Fitted>,
     until: &Until,
 ) -> Option<OneLaw> {
-    let laws = fit::laws(session, problem, evidence, groups, until);
+    let mut laws = fit::laws(session, problem, evidence, groups, until);
+    laws.extend(more);
+    laws.sort_by(|a, b| a.error().total_cmp(&b.error()));
     let curves: Vec<Fitted> = groups.iter().take(3).filter_map(|g| fit::curve(session, problem, g)).collect();
     let curve = curves.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()));
     let simple = simplest(&laws, session.prior.is_some()).cloned();
@@ -111,7 +114,7 @@ fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, 
     let frames = PlaceFrames::new(session, law.law.carrier, &point);
     // the whole force of the law as one column
     let unit: Vec<Vec<Vec<[f64; 6]>>> = frames
-        .trials
+        .series
         .iter()
         .map(|t| {
             let mut strengths = Vec::new();

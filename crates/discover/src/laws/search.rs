@@ -11,6 +11,7 @@ use super::near_joint::other_links;
 use super::next::next_recording;
 use super::one_law::{OneLaw, SIMPLER, one_law};
 use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
+use super::with_contact::{Flights, IN_FLIGHT, with_contact};
 use super::wording;
 use crate::held_out::HeldOutResult;
 use crate::options::DiscoverOptions;
@@ -24,9 +25,9 @@ use aloft_effects::{Effect, EffectInstance, Scene, Target};
 use nalgebra::DMatrix;
 
 /// Draws of random signs for the null distribution of the atlas.
-const DRAWS: usize = 60;
+pub(super) const DRAWS: usize = 60;
 /// Entries of the atlas for which laws are fitted.
-const TRIED: usize = 12;
+pub(super) const TRIED: usize = 12;
 /// Laws are the answer if they leave no more than this multiple of the floor.
 pub(super) const ANSWERED: f64 = 1.5;
 /// Laws that leave more than this share of the error are not named.
@@ -47,7 +48,7 @@ const MOST_FITTED: usize = 60;
 /// Fewest clusters (flights or recordings) for both.
 const FEWEST: usize = 20;
 /// Gauss-Newton steps of a law that is fitted again.
-const STEPS: usize = 15;
+pub(super) const STEPS: usize = 15;
 /// Distance from a joint within which a force on a person may act on either link, beyond the
 /// intervals of its point, which contain neither soft tissue nor errors of joint centres, m.
 const NEAR_JOINT_M: f64 = 0.025;
@@ -64,6 +65,8 @@ struct Step {
     p: f64,
     /// Other carriers that the rows do not exclude.
     also: Vec<Carrier>,
+    /// True if it was fitted to flights and contact.
+    of_both: bool,
 }
 
 /// What laws have to do better than.
@@ -81,6 +84,9 @@ pub(crate) struct Rivals {
     /// True if the named effects reach the floor's interval and nothing else is held against them:
     /// any law that leaves less is stated, for the stages to compare both.
     pub within_floor: bool,
+    /// True if the named effects leave contact far above its floor: a law of both that leaves no
+    /// more in flight is stated.
+    pub far_in_contact: bool,
 }
 
 /// Searches for a law beyond the catalogue on what a model leaves in flight. `taken` are
@@ -94,10 +100,12 @@ pub(crate) fn search(
     until: &Until,
     options: &DiscoverOptions,
 ) -> Option<OpenWorld> {
+    let everywhere = session;
+    let session = &everywhere.in_flight();
     let model_error = session.model_error[0];
+    let with_plates = session.model_error[1].is_some();
     let model: Vec<String> = accepted.iter().map(|c| c.key(session.scene)).collect();
-    let base: Vec<Vec<DMatrix<f64>>> =
-        accepted.iter().map(|c| session.columns_of(c, Domain::Flight)).collect::<Option<_>>()?;
+    let base = columns_of(session, accepted, &[], Domain::Flight)?;
     let plain = Problem::new(session, Domain::Flight, &base, options.fewest_trials, options.prior_weight).ok()?;
     if plain.clusters.len() < FEWEST_CLUSTERS {
         return None;
@@ -136,10 +144,18 @@ pub(crate) fn search(
         if round == 0 && p < 0.05 && best.score.ratio.sqrt() < 0.97 {
             diagnosis = Some(diagnose(in_some, of_some, &made, p));
         }
-        if enough
-            && let Some(OneLaw { best: found, rival, also }) =
-                one_law_of_many(session, &problem, &evidence, &groups, until, options)
-        {
+        let mut law =
+            if enough { one_law_of_many(session, &problem, &evidence, &groups, until, options) } else { None };
+        let mut of_both = false;
+        let mut p = p;
+        if with_plates && !until.is_over() {
+            let flights = Flights { session, problem: &problem, groups: &made.groups, law: law.as_ref() };
+            let extra = columns_of(everywhere, accepted, &laws, Domain::Both)?;
+            if let Some((better, by_chance)) = with_contact(everywhere, &extra, &flights, believed, until, options) {
+                (law, p, of_both) = (Some(better), by_chance, true);
+            }
+        }
+        if let Some(OneLaw { best: found, rival, also }) = law {
             let ratio = (found.error() / now).sqrt();
             let p_gain = sign_flip_p(
                 &found.errors,
@@ -151,7 +167,7 @@ pub(crate) fn search(
                 if round == 0 {
                     next = rival.and_then(|r| next_recording(session, &found, &r));
                 }
-                laws.push(Step { fitted: found, ratio, p, also });
+                laws.push(Step { fitted: found, ratio, p, also, of_both });
             }
         }
         let count = laws.len();
@@ -184,7 +200,9 @@ pub(crate) fn search(
         let same = law.fitted.errors.len() == errors.len();
         same && sign_flip_p(&law.fitted.errors, errors, 2000, options.seed ^ 0xf02a) < TRUER
     };
-    let better = ratio < if catalogue.within_floor { 1.0 } else { BETTER } * catalogue.ratio
+    let of_both = laws.len() == 1 && laws[0].of_both;
+    let better = (catalogue.far_in_contact && of_both && ratio <= IN_FLIGHT * catalogue.ratio)
+        || ratio < if catalogue.within_floor { 1.0 } else { BETTER } * catalogue.ratio
         || catalogue.several.is_some_and(simpler)
         || catalogue.doubted.as_ref().is_some_and(truer);
     let complete = complete && better;
@@ -234,6 +252,19 @@ fn at_floor(model_error: &HeldOutResult, share: f64) -> bool {
     model_error.reached_by(model_error.held_out_error * share.sqrt())
 }
 
+/// Columns of effects of the model and of laws.
+fn columns_of(
+    session: &Session<'_>,
+    accepted: &[EffectInstance<'_>],
+    laws: &[Step],
+    domain: Domain,
+) -> Option<Vec<Vec<DMatrix<f64>>>> {
+    let effects = accepted.iter().map(|c| session.columns_of(c, domain));
+    effects
+        .chain(laws.iter().map(|l| session.columns(&l.fitted.law, Target::Body, &l.fitted.nonlinear, domain)))
+        .collect()
+}
+
 /// The problem with laws in the model.
 fn plain_again(
     session: &Session<'_>,
@@ -259,10 +290,10 @@ fn one_law_of_many(
     options: &DiscoverOptions,
 ) -> Option<OneLaw> {
     let Some((some, fewer, _)) = with_at_most(session, problem, MOST_FITTED, FEWEST) else {
-        return one_law(session, problem, evidence, groups, until);
+        return one_law(session, problem, evidence, groups, Vec::new(), until);
     };
     let OneLaw { best, rival, also } =
-        one_law(&some, &fewer, &Evidence::new(&fewer, DRAWS, options.seed)?, groups, until)?;
+        one_law(&some, &fewer, &Evidence::new(&fewer, DRAWS, options.seed)?, groups, Vec::new(), until)?;
     let again = |f: Fitted| fit::fit(session, problem, &f.law, f.nonlinear, STEPS);
     Some(OneLaw { best: again(best)?, rival: rival.and_then(again), also })
 }
@@ -278,7 +309,11 @@ fn refit(
         return laws;
     }
     for _ in 0..2 {
+        // constants of a law of both are known better from all rows
         for i in 0..laws.len() {
+            if laws[i].of_both {
+                continue;
+            }
             let mut others = laws.clone();
             others.remove(i);
             let Some(problem) = plain_again(session, base, &others, options) else { continue };
@@ -361,7 +396,7 @@ fn curve_of(g: &Group) -> Vec<[f64; 2]> {
 /// A fitted law for users.
 fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> FoundLaw {
     let scene = session.scene;
-    let Step { fitted: f, ratio, p, also } = found;
+    let Step { fitted: f, ratio, p, also, of_both: _ } = found;
     let mut law = f.law.clone();
     let carrier = law.carrier.name(scene);
     let stem: String = carrier.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
@@ -463,7 +498,7 @@ pub(crate) fn work(session: &Session<'_>, f: &Fitted) -> Work {
     let frames = PlaceFrames::new(session, f.law.carrier, &point);
     let (mut taken, mut absolute, mut size) = (0.0, 0.0, 0.0);
     let mut strengths = Vec::new();
-    for (frame, at) in frames.trials.iter().flatten() {
+    for (frame, at) in frames.series.iter().flatten() {
         let v = f.vector(frame, at, &anchor, &parts, &mut strengths);
         let rate = match f.law.action {
             Action::Force => at.velocity,

@@ -1,0 +1,136 @@
+//! The law that flights and contact show together.
+//!
+//! A force that acts whenever the body moves acts on the ground, too. There the plates measure what
+//! flights only leave over, for longer and over a wider range of postures and speeds. The places
+//! and directions that flights show best are tried with every variable on the rows of both, and a
+//! law of both takes the place of the law of the flights, if flights do not contradict it.
+
+use super::atlas::{Group, PlaceFrames, anchors, columns, range_of, splines, stride, towards};
+use super::evidence::Evidence;
+use super::fit::{self, Fitted, places};
+use super::kinematics::{Action, Direction, Variable};
+use super::one_law::{OneLaw, one_law};
+use super::search::{DRAWS, STEPS, TRIED};
+use super::shape::Range;
+use crate::options::DiscoverOptions;
+use crate::problem::{Domain, Problem};
+use crate::progress::Until;
+use crate::session::Session;
+use nalgebra::{DMatrix, Vector3};
+use rayon::prelude::*;
+
+/// Places and directions of the flights that are tried.
+const PLACES: usize = 24;
+/// Links with a force towards points of the room.
+const TOWARDS: usize = 3;
+/// Splines of a curve.
+const SPLINES: usize = 6;
+/// A law of both may leave this much more error in flight than the law of the flights alone.
+pub(super) const IN_FLIGHT: f64 = 1.15;
+
+/// Rows of flights.
+pub(super) struct Flights<'s, 'a> {
+    pub session: &'s Session<'a>,
+    pub problem: &'s Problem,
+    /// Best entries of their atlas.
+    pub groups: &'s [Group],
+    /// Law of the flights alone.
+    pub law: Option<&'s OneLaw>,
+}
+
+/// The law of flights and contact together with its probability by chance, if it leaves less than
+/// `believed` of the error on the rows of both and on those of flights. `extra` holds the columns
+/// of the model's effects and laws on all rows.
+pub(super) fn with_contact(
+    session: &Session<'_>,
+    extra: &[Vec<DMatrix<f64>>],
+    flights: &Flights<'_, '_>,
+    believed: f64,
+    until: &Until,
+    options: &DiscoverOptions,
+) -> Option<(OneLaw, f64)> {
+    let both = Problem::new(session, Domain::Both, extra, options.fewest_trials, options.prior_weight).ok()?;
+    let evidence = Evidence::new(&both, DRAWS, options.seed)?;
+    let mut made: Vec<Group> = places(&flights.groups.iter().collect::<Vec<_>>(), PLACES)
+        .into_par_iter()
+        .flat_map_iter(|place| in_every_variable(session, &both, &evidence, place))
+        .collect();
+    made.sort_by(|a, b| a.score.ratio.total_cmp(&b.score.ratio));
+    let mut forces: Vec<Group> = Vec::new();
+    for g in made.iter().filter(|g| g.action == Action::Force) {
+        if forces.len() < TOWARDS && !forces.iter().any(|f| f.carrier == g.carrier) {
+            forces.push(g.clone());
+        }
+    }
+    made.extend(forces.iter().flat_map(|place| towards_every_point(session, &both, &evidence, place)));
+    let best = made.iter().min_by(|a, b| a.score.ratio.total_cmp(&b.score.ratio))?;
+    let as_good = |draw: &usize| made.iter().any(|g| g.score.null[*draw] <= best.score.ratio);
+    let p = ((0..DRAWS).filter(as_good).count() + 1) as f64 / (DRAWS + 1) as f64;
+    // a second factor or a threshold can remove more than a curve of one variable
+    let may_do = best.score.ratio.sqrt() < believed.sqrt();
+    if p >= options.significance || !may_do || until.is_over() {
+        return None;
+    }
+    made.sort_by(|a, b| a.score.ratio.total_cmp(&b.score.ratio));
+    let groups = fit::distinct(&made, TRIED);
+    let again = |f: &Fitted| fit::fit(session, &both, &f.law, f.nonlinear.clone(), STEPS);
+    let of_flights = flights.law.iter().flat_map(|l| std::iter::once(&l.best).chain(&l.rival)).filter_map(again);
+    let OneLaw { best, rival, also } = one_law(session, &both, &evidence, &groups, of_flights.collect(), until)?;
+    let plain = |p: &Problem| p.folds.iter().map(|f| f.error).sum::<f64>();
+    let left = best.error() / plain(&both);
+    let best = judged_in_flight(flights, best)?;
+    let left_in_flight = best.error() / plain(flights.problem);
+    let worse = flights.law.is_some_and(|l| best.error() > IN_FLIGHT * IN_FLIGHT * l.best.error());
+    let limit = believed * believed;
+    (left < limit && left_in_flight < limit && !worse).then(|| {
+        let rival = rival.and_then(|r| judged_in_flight(flights, r));
+        (OneLaw { best, rival, also }, p)
+    })
+}
+
+/// A law of both with its held-out errors on flights.
+fn judged_in_flight(flights: &Flights<'_, '_>, law: Fitted) -> Option<Fitted> {
+    let errors = fit::fit(flights.session, flights.problem, &law.law, law.nonlinear.clone(), 0)?.errors;
+    Some(Fitted { errors, ..law })
+}
+
+/// Entries of a place and direction with a free curve of each variable.
+fn in_every_variable(session: &Session<'_>, both: &Problem, evidence: &Evidence, place: &Group) -> Vec<Group> {
+    let frames = PlaceFrames::new(session, place.carrier, &place.point);
+    let unit = frames.unit(place.action, place.direction, &place.components, &place.anchor);
+    let stride = stride(session);
+    let of = |variable: Variable| {
+        let values = frames.values(variable, &place.anchor);
+        let (range, weight, nb) = if variable == Variable::None {
+            (Range { low: 0.0, high: 1.0 }, values, 1)
+        } else {
+            let range = range_of(&values)?;
+            (range, values.iter().map(|x| splines(x, range)).collect(), SPLINES)
+        };
+        let made = columns(session, both, &unit, &weight, nb, stride);
+        if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
+            return None;
+        }
+        let all: Vec<usize> = (0..made[0].ncols()).collect();
+        let score = evidence.score(&evidence.prepare(&made, if nb == SPLINES { nb } else { 0 }), &all)?;
+        Some(Group { variable, range, frequency: None, columns: all.len(), score, ..place.clone() })
+    };
+    Variable::of(session.scene).into_iter().filter_map(of).collect()
+}
+
+/// Entries of a force of a place towards points of the room.
+fn towards_every_point(session: &Session<'_>, both: &Problem, evidence: &Evidence, place: &Group) -> Vec<Group> {
+    let frames = PlaceFrames::new(session, place.carrier, &place.point);
+    let stride = stride(session);
+    let of = |anchor: Vector3<f64>| {
+        let (unit, weight, range) = towards(&frames, &anchor)?;
+        let made = columns(session, both, &unit, &weight, 4, stride);
+        if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
+            return None;
+        }
+        let score = evidence.score(&evidence.prepare(&made, 0), &[0, 1, 2, 3])?;
+        let at = Group { direction: Direction::Towards, components: vec![0], anchor, ..place.clone() };
+        Some(Group { variable: Variable::Distance, range, frequency: None, second: None, columns: 4, score, ..at })
+    };
+    anchors(session.scene, &frames).into_par_iter().filter_map(of).collect()
+}
