@@ -405,7 +405,15 @@ fn found(
         found.advice.insert(0, words);
     }
     let named = matches!(found.verdict, Verdict::Supported | Verdict::OneOf);
-    if let Some(wrong) = to_correct.filter(|c| c.void || !named) {
+    // laws with which flights and contact stand at their floors explain what looks like a wrong mass
+    let at_floor = |place| errors_after.iter().any(|e| e.judged_on == place && e.at_floor == Some(true));
+    let complete = found.open.as_ref().is_some_and(|o| o.complete && !o.laws.is_empty());
+    let by_laws = complete && at_floor("flight") && at_floor("contact");
+    let to_correct = to_correct.filter(|c| c.void || !named);
+    if let Some(wrong) = to_correct.as_ref().filter(|_| by_laws) {
+        found.advice.push(format!("if it is no law: {}", wrong.words));
+    }
+    if let Some(wrong) = to_correct.filter(|_| !by_laws) {
         // errors that cannot be judged leave nothing unexplained, either
         if wrong.void && found.verdict == Verdict::Unexplained {
             found.verdict = Verdict::NotDetectable;

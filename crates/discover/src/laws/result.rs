@@ -90,6 +90,10 @@ pub struct FoundLaw {
     pub held_out_ratio: f64,
     /// Probability that the best entry of the atlas under random signs does as well.
     pub family_wise_p: f64,
+    /// True if it was found on the rows of flights and contact together; the errors of contact then
+    /// are no test by other data. False if it was found on flights alone.
+    #[serde(default)]
+    pub with_contact: bool,
     /// Work over all flights: share of the absolute power that is taken from the body (1: it only
     /// brakes), and mean absolute power over force times speed (0: it does no work).
     pub work: Work,
@@ -103,7 +107,12 @@ impl FoundLaw {
     /// The law, acting in contact as well as in flight.
     pub(crate) fn acting_everywhere(&self) -> Self {
         let effect = FormulaEffect { acts: ActsIn::Both, ..self.effect.clone() };
-        Self { text: format!("{}; it lowers the error in contact, too", self.text), effect, ..self.clone() }
+        let words = if self.with_contact {
+            "flights and contact show it together"
+        } else {
+            "found in flight, it lowers the error in contact, too"
+        };
+        Self { text: format!("{}; {words}", self.text), effect, ..self.clone() }
     }
 }
 

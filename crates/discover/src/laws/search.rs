@@ -11,7 +11,7 @@ use super::near_joint::other_links;
 use super::next::next_recording;
 use super::one_law::{OneLaw, SIMPLER, one_law};
 use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
-use super::with_contact::{Flights, IN_FLIGHT, with_contact};
+use super::with_contact::{Flights, IN_FLIGHT, in_use, with_contact};
 use super::wording;
 use crate::held_out::HeldOutResult;
 use crate::options::DiscoverOptions;
@@ -46,7 +46,7 @@ const MOST_IN_ATLAS: usize = 120;
 /// again in every fold.
 const MOST_FITTED: usize = 60;
 /// Fewest clusters (flights or recordings) for both.
-const FEWEST: usize = 20;
+pub(super) const FEWEST: usize = 20;
 /// Gauss-Newton steps of a law that is fitted again.
 pub(super) const STEPS: usize = 15;
 /// Distance from a joint within which a force on a person may act on either link, beyond the
@@ -100,7 +100,7 @@ pub(crate) fn search(
     until: &Until,
     options: &DiscoverOptions,
 ) -> Option<OpenWorld> {
-    let everywhere = session;
+    let everywhere = &in_use(session);
     let session = &everywhere.in_flight();
     let model_error = session.model_error[0];
     let with_plates = session.model_error[1].is_some();
@@ -396,7 +396,7 @@ fn curve_of(g: &Group) -> Vec<[f64; 2]> {
 /// A fitted law for users.
 fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> FoundLaw {
     let scene = session.scene;
-    let Step { fitted: f, ratio, p, also, of_both: _ } = found;
+    let Step { fitted: f, ratio, p, also, of_both } = found;
     let mut law = f.law.clone();
     let carrier = law.carrier.name(scene);
     let stem: String = carrier.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
@@ -459,6 +459,7 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> Found
         parameters: nonlinear[split..].to_vec(),
         held_out_ratio: *ratio,
         family_wise_p: *p,
+        with_contact: *of_both,
         work,
         text,
         effect,

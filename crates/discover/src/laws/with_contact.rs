@@ -10,12 +10,14 @@ use super::evidence::Evidence;
 use super::fit::{self, Fitted, places};
 use super::kinematics::{Action, Direction, Variable};
 use super::one_law::{OneLaw, one_law};
-use super::search::{DRAWS, STEPS, TRIED};
+use super::search::{DRAWS, FEWEST, STEPS, TRIED};
 use super::shape::Range;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::session::Session;
+use crate::thin::with_at_most;
+use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
 
@@ -23,10 +25,35 @@ use rayon::prelude::*;
 const PLACES: usize = 24;
 /// Links with a force towards points of the room.
 const TOWARDS: usize = 3;
+/// Most flights and contact stretches from which a law is sought.
+const MOST_STRETCHES: usize = 160;
 /// Splines of a curve.
 const SPLINES: usize = 6;
 /// A law of both may leave this much more error in flight than the law of the flights alone.
 pub(super) const IN_FLIGHT: f64 = 1.15;
+
+/// Most rows of contact in one recording: 250 windows, some 20 s. The inverse of a matrix of their
+/// number is needed.
+const MOST_ROWS: usize = 1500;
+
+/// The session with all flights and, of each recording, the first contact stretches that together
+/// have at most [`MOST_ROWS`].
+pub(super) fn in_use<'a>(session: &Session<'a>) -> Session<'a> {
+    let mut rows = vec![0; session.series.len()];
+    let kept: Vec<bool> = session
+        .blocks
+        .iter()
+        .map(|b| {
+            let more = rows[b.trial] + b.y.nrows();
+            let fits = b.kind != StretchKind::Contact || more <= MOST_ROWS;
+            if b.kind == StretchKind::Contact && fits {
+                rows[b.trial] = more;
+            }
+            fits
+        })
+        .collect();
+    session.with_rows_of(&kept)
+}
 
 /// Rows of flights.
 pub(super) struct Flights<'s, 'a> {
@@ -49,11 +76,13 @@ pub(super) fn with_contact(
     until: &Until,
     options: &DiscoverOptions,
 ) -> Option<(OneLaw, f64)> {
-    let both = Problem::new(session, Domain::Both, extra, options.fewest_trials, options.prior_weight).ok()?;
-    let evidence = Evidence::new(&both, DRAWS, options.seed)?;
+    let all = Problem::new(session, Domain::Both, extra, options.fewest_trials, options.prior_weight).ok()?;
+    let some = with_at_most(session, &all, MOST_STRETCHES, FEWEST);
+    let (session, both) = some.as_ref().map_or((session, &all), |(s, p, _)| (s, p));
+    let evidence = Evidence::new(both, DRAWS, options.seed)?;
     let mut made: Vec<Group> = places(&flights.groups.iter().collect::<Vec<_>>(), PLACES)
         .into_par_iter()
-        .flat_map_iter(|place| in_every_variable(session, &both, &evidence, place))
+        .flat_map_iter(|place| in_every_variable(session, both, &evidence, place))
         .collect();
     made.sort_by(|a, b| a.score.ratio.total_cmp(&b.score.ratio));
     let mut forces: Vec<Group> = Vec::new();
@@ -62,8 +91,9 @@ pub(super) fn with_contact(
             forces.push(g.clone());
         }
     }
-    made.extend(forces.iter().flat_map(|place| towards_every_point(session, &both, &evidence, place)));
-    let best = made.iter().min_by(|a, b| a.score.ratio.total_cmp(&b.score.ratio))?;
+    made.extend(forces.iter().flat_map(|place| towards_every_point(session, both, &evidence, place)));
+    made.sort_by(|a, b| a.score.ratio.total_cmp(&b.score.ratio));
+    let best = made.first()?;
     let as_good = |draw: &usize| made.iter().any(|g| g.score.null[*draw] <= best.score.ratio);
     let p = ((0..DRAWS).filter(as_good).count() + 1) as f64 / (DRAWS + 1) as f64;
     // a second factor or a threshold can remove more than a curve of one variable
@@ -71,13 +101,12 @@ pub(super) fn with_contact(
     if p >= options.significance || !may_do || until.is_over() {
         return None;
     }
-    made.sort_by(|a, b| a.score.ratio.total_cmp(&b.score.ratio));
     let groups = fit::distinct(&made, TRIED);
-    let again = |f: &Fitted| fit::fit(session, &both, &f.law, f.nonlinear.clone(), STEPS);
+    let again = |f: &Fitted| fit::fit(session, both, &f.law, f.nonlinear.clone(), STEPS);
     let of_flights = flights.law.iter().flat_map(|l| std::iter::once(&l.best).chain(&l.rival)).filter_map(again);
-    let OneLaw { best, rival, also } = one_law(session, &both, &evidence, &groups, of_flights.collect(), until)?;
+    let OneLaw { best, rival, also } = one_law(session, both, &evidence, &groups, of_flights.collect(), until)?;
     let plain = |p: &Problem| p.folds.iter().map(|f| f.error).sum::<f64>();
-    let left = best.error() / plain(&both);
+    let left = best.error() / plain(both);
     let best = judged_in_flight(flights, best)?;
     let left_in_flight = best.error() / plain(flights.problem);
     let worse = flights.law.is_some_and(|l| best.error() > IN_FLIGHT * IN_FLIGHT * l.best.error());
