@@ -405,7 +405,7 @@ fn found(
         found.advice.insert(0, words);
     }
     let named = matches!(found.verdict, Verdict::Supported | Verdict::OneOf);
-    // laws with which flights and contact stand at their floors explain what looks like a wrong mass
+    // laws that leave flights and contact at their floors explain what looks like a wrong mass
     let at_floor = |place| errors_after.iter().any(|e| e.judged_on == place && e.at_floor == Some(true));
     let complete = found.open.as_ref().is_some_and(|o| o.complete && !o.laws.is_empty());
     let by_laws = complete && at_floor("flight") && at_floor("contact");

@@ -3,6 +3,9 @@
 use crate::problem::Problem;
 use crate::session::Session;
 
+/// Fewest clusters (flights or recordings) of the atlas and of the fit of laws.
+pub(crate) const FEWEST: usize = 20;
+
 /// Every `step`-th cluster of each of the lists `parts` (indices of clusters): the session and the
 /// problem with those, and their indices in order. `None` for a step below two, or if the remaining
 /// clusters do not determine the parameters.

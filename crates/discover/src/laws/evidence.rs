@@ -19,6 +19,8 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+/// Draws of random signs for the null distribution of the atlas.
+pub(crate) const DRAWS: usize = 60;
 /// Relative ridge that keeps nearly collinear curves solvable.
 const RIDGE: f64 = 1e-7;
 /// Weight of a curve's second differences, in mean squares of its columns.

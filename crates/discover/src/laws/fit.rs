@@ -16,7 +16,9 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
 /// Gauss-Newton steps of a fit.
-const STEPS: usize = 15;
+pub(crate) const STEPS: usize = 15;
+/// Entries of the atlas for which laws are fitted.
+pub(crate) const TRIED: usize = 12;
 /// Shapes of one entry that are fitted.
 const SHAPES: usize = 4;
 

@@ -2,8 +2,8 @@
 //! on what remains.
 
 use super::atlas::{Atlas, Group, PlaceFrames, atlas};
-use super::evidence::Evidence;
-use super::fit::{self, Fitted};
+use super::evidence::{DRAWS, Evidence};
+use super::fit::{self, Fitted, STEPS, TRIED};
 use super::formula::is_curve;
 use super::kinematics::{Action, Carrier, Variable};
 use super::law::{Law, PointIs};
@@ -20,14 +20,10 @@ use crate::progress::Until;
 use crate::result::{Estimate, FEWEST_CLUSTERS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
-use crate::thin::with_at_most;
+use crate::thin::{FEWEST, with_at_most};
 use aloft_effects::{Effect, EffectInstance, Scene, Target};
 use nalgebra::DMatrix;
 
-/// Draws of random signs for the null distribution of the atlas.
-pub(super) const DRAWS: usize = 60;
-/// Entries of the atlas for which laws are fitted.
-pub(super) const TRIED: usize = 12;
 /// Laws are the answer if they leave no more than this multiple of the floor.
 pub(super) const ANSWERED: f64 = 1.5;
 /// Laws that leave more than this share of the error are not named.
@@ -45,10 +41,6 @@ const MOST_IN_ATLAS: usize = 120;
 /// Most flights in which the form of a law is sought: each of several hundred trial laws is fitted
 /// again in every fold.
 const MOST_FITTED: usize = 60;
-/// Fewest clusters (flights or recordings) for both.
-pub(super) const FEWEST: usize = 20;
-/// Gauss-Newton steps of a law that is fitted again.
-pub(super) const STEPS: usize = 15;
 /// Distance from a joint within which a force on a person may act on either link, beyond the
 /// intervals of its point, which contain neither soft tissue nor errors of joint centres, m.
 const NEAR_JOINT_M: f64 = 0.025;

@@ -6,17 +6,16 @@
 //! law of both takes the place of the law of the flights, if flights do not contradict it.
 
 use super::atlas::{Group, PlaceFrames, anchors, columns, range_of, splines, stride, towards};
-use super::evidence::Evidence;
-use super::fit::{self, Fitted, places};
+use super::evidence::{DRAWS, Evidence};
+use super::fit::{self, Fitted, STEPS, TRIED, places};
 use super::kinematics::{Action, Direction, Variable};
 use super::one_law::{OneLaw, one_law};
-use super::search::{DRAWS, FEWEST, STEPS, TRIED};
 use super::shape::Range;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::session::Session;
-use crate::thin::with_at_most;
+use crate::thin::{FEWEST, with_at_most};
 use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
