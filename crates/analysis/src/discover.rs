@@ -411,7 +411,7 @@ fn found(
     let by_laws = complete && at_floor("flight") && at_floor("contact");
     let to_correct = to_correct.filter(|c| c.void || !named);
     if let Some(wrong) = to_correct.as_ref().filter(|_| by_laws) {
-        found.advice.push(format!("if it is no law: {}", wrong.words));
+        found.advice.push(format!("if the law is not real: {}", wrong.words));
     }
     if let Some(wrong) = to_correct.filter(|_| !by_laws) {
         // errors that cannot be judged leave nothing unexplained, either

@@ -81,6 +81,7 @@ pub(crate) fn look_beyond(
     out.open = crate::laws::search(session, accepted, rival, &taken, until, options);
     let Some(open) = &mut out.open else { return };
     let staged = where_they_act(session, open).map(|s| s.errors);
+    open.times_floor_in_contact = staged.and_then(|s| s[1]).map(|e| e.times_floor()).filter(|t| t.is_finite());
     if let Some([Some(s), _]) = &staged {
         open.judged_by_stages(s);
     }

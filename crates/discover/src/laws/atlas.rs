@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
 
 /// Number of cubic B-splines of a curve.
-const SPLINES: usize = 6;
+pub(super) const SPLINES: usize = 6;
 /// Bodies with more links than this get one point a link and fewer clocks and anchors.
 const MANY_LINKS: usize = 4;
 /// Number of groups kept.
@@ -250,15 +250,7 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
     let stride = stride(session);
     let weights: Vec<(Variable, Range, Vec<Vec<f64>>, usize)> = Variable::of(scene)
         .into_iter()
-        .filter_map(|v| {
-            if v == Variable::None {
-                let ones = frames.series.iter().map(|t| vec![1.0; t.len()]).collect();
-                return Some((v, Range { low: 0.0, high: 1.0 }, ones, 1));
-            }
-            let values = frames.values(v, &none);
-            let range = range_of(&values)?;
-            Some((v, range, values.iter().map(|x| splines(x, range)).collect(), SPLINES))
-        })
+        .filter_map(|v| curve_of(&frames, v, &none).map(|(range, weight, nb)| (v, range, weight, nb)))
         .collect();
     // a product of a rate and a place shows in neither alone if it is odd in both
     let products: Vec<(Variable, Range, Vec<Vec<f64>>)> = Variable::of(scene)
@@ -357,21 +349,43 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
         }
     }
     for anchor in anchors(scene, &frames) {
-        let Some((unit, weight, range)) = towards(&frames, &anchor) else { continue };
+        let Some(Towards { unit, weight, range }) = towards(&frames, &anchor) else { continue };
         let base = Group { variable: Variable::Distance, range, anchor, ..blank(Action::Force, Direction::Towards) };
-        add(&unit, &base, &[&[0]], &weight, 4);
+        add(&unit, &base, &[&[0]], &weight, POWERS);
     }
     sort(&mut out.groups);
     out
 }
 
-/// Unit wrench, four powers of the logarithm of the distance, and its range, for a force towards a
-/// point of the room.
-#[allow(clippy::type_complexity)]
-pub(super) fn towards(
+/// A free curve of a variable at a place: its range, the values of its functions in every frame, by
+/// series, and their number (one for a constant). `None` if the variable does not vary.
+pub(super) fn curve_of(
     frames: &PlaceFrames<'_>,
+    variable: Variable,
     anchor: &Vector3<f64>,
-) -> Option<(Vec<Vec<Vec<[f64; 6]>>>, Vec<Vec<f64>>, Range)> {
+) -> Option<(Range, Vec<Vec<f64>>, usize)> {
+    let values = frames.values(variable, anchor);
+    if variable == Variable::None {
+        return Some((Range { low: 0.0, high: 1.0 }, values, 1));
+    }
+    let range = range_of(&values)?;
+    Some((range, values.iter().map(|x| splines(x, range)).collect(), SPLINES))
+}
+
+/// A force of a place towards a point of the room: unit wrench, and four powers of the logarithm of
+/// the distance in every frame, by series.
+pub(super) struct Towards {
+    pub unit: Vec<Vec<Vec<[f64; 6]>>>,
+    pub weight: Vec<Vec<f64>>,
+    /// Range of the distance, m.
+    pub range: Range,
+}
+
+/// Number of powers of [`Towards`].
+pub(super) const POWERS: usize = 4;
+
+/// The force of a place towards `anchor` (world, m); `None` if the distance does not vary.
+pub(super) fn towards(frames: &PlaceFrames<'_>, anchor: &Vector3<f64>) -> Option<Towards> {
     let values = frames.values(Variable::Distance, anchor);
     let logs: Vec<Vec<f64>> = values.iter().map(|t| t.iter().map(|d| d.max(1e-6).ln()).collect()).collect();
     let (range, of_logs) = (range_of(&values)?, range_of(&logs)?);
@@ -380,7 +394,7 @@ pub(super) fn towards(
         [1.0, x, x * x, x * x * x]
     };
     let weight = logs.iter().map(|t| t.iter().flat_map(powers).collect()).collect();
-    Some((frames.unit(Action::Force, Direction::Towards, &[0], anchor), weight, range))
+    Some(Towards { unit: frames.unit(Action::Force, Direction::Towards, &[0], anchor), weight, range })
 }
 
 /// Angular frequencies of the clock, rad/s: steps that lose no line between them, up to 8 Hz.

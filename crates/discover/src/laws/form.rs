@@ -7,7 +7,7 @@
 //! error by more than random signs of the clusters do for the best of them, the strength depends on
 //! something in another way than the law says.
 
-use super::atlas::{PlaceFrames, carriers, columns, range_of, splines, stride};
+use super::atlas::{PlaceFrames, SPLINES, carriers, columns, range_of, splines, stride};
 use super::evidence::Evidence;
 use super::kinematics::{Carrier, Variable};
 use crate::candidate::Variant;
@@ -20,8 +20,6 @@ use rayon::prelude::*;
 
 /// Draws of random signs.
 const DRAWS: usize = 199;
-/// Number of splines of a curve.
-const SPLINES: usize = 6;
 /// Probability by chance below which the form is in doubt.
 const SIGNIFICANT: f64 = 0.01;
 /// Share of the error that the product has to leave at most, on a rigid body.

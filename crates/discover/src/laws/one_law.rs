@@ -30,7 +30,8 @@ pub(super) struct OneLaw {
 }
 
 /// The law for the best entries: an expression, with a second factor where that removes more, or
-/// the free curve. `more` are laws fitted to these rows already.
+/// the free curve. `more` holds further laws, already
+/// fitted to these rows.
 pub(super) fn one_law(
     session: &Session<'_>,
     problem: &Problem,

@@ -88,10 +88,12 @@ pub struct FoundLaw {
     pub parameters: Vec<Estimate>,
     /// Held-out error with the laws up to this one, over that without this one.
     pub held_out_ratio: f64,
-    /// Probability that the best entry of the atlas under random signs does as well.
+    /// Probability that the best entry of the search under random signs does as well. For a law of
+    /// flights and contact: the best at the places that were chosen by flights, so that the number
+    /// does not contain this choice.
     pub family_wise_p: f64,
-    /// True if it was found on the rows of flights and contact together; the errors of contact then
-    /// are no test by other data. False if it was found on flights alone.
+    /// True if it was found in flight and contact together, so that a lower error in contact is no
+    /// independent test of it. False if it was found in flight alone.
     #[serde(default)]
     pub with_contact: bool,
     /// Work over all flights: share of the absolute power that is taken from the body (1: it only
@@ -107,12 +109,9 @@ impl FoundLaw {
     /// The law, acting in contact as well as in flight.
     pub(crate) fn acting_everywhere(&self) -> Self {
         let effect = FormulaEffect { acts: ActsIn::Both, ..self.effect.clone() };
-        let words = if self.with_contact {
-            "flights and contact show it together"
-        } else {
-            "found in flight, it lowers the error in contact, too"
-        };
-        Self { text: format!("{}; {words}", self.text), effect, ..self.clone() }
+        // a law that was sought in contact says so already
+        let words = if self.with_contact { "" } else { "; found in flight, it lowers the error in contact, too" };
+        Self { text: format!("{}{words}", self.text), effect, ..self.clone() }
     }
 }
 
@@ -171,6 +170,10 @@ pub struct OpenWorld {
     pub at_floor_after: Option<bool>,
     /// Held-out error with the laws, N.
     pub held_out_error_after: f64,
+    /// Error in contact over its floor with the laws, as computed by all stages; null where it was
+    /// not computed.
+    #[serde(default)]
+    pub times_floor_in_contact: Option<f64>,
     /// Budget after which the search was stopped, s: more time may find more. None if it ended by
     /// itself.
     #[serde(default, skip_serializing_if = "Option::is_none")]

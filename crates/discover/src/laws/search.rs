@@ -76,8 +76,8 @@ pub(crate) struct Rivals {
     /// True if the named effects reach the floor's interval and nothing else is held against them:
     /// any law that leaves less is stated, for the stages to compare both.
     pub within_floor: bool,
-    /// True if the named effects leave contact far above its floor: a law of both that leaves no
-    /// more in flight is stated.
+    /// True if the named effects leave contact far above its floor: a law of both is stated even if
+    /// it leaves up to [`IN_FLIGHT`] times their error in flight.
     pub far_in_contact: bool,
 }
 
@@ -232,6 +232,7 @@ pub(crate) fn search(
         times_floor_after: if named { times_floor } else { model_error.map(|s| s.held_out_error / s.noise_floor) },
         at_floor_after: model_error.and_then(|s| s.noise_floor_ci95.map(|_| s.reached_by(held_out_error_after))),
         held_out_error_after,
+        times_floor_in_contact: None,
         stopped_after_s: options.budget_s.filter(|_| until.is_over()),
         words: String::new(),
     };
@@ -427,9 +428,10 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> Found
     let slack_m = if session.prior.is_some() { NEAR_JOINT_M } else { 0.0 };
     let at_joint = other_links(&scene.model, law.carrier, &point, slack_m).into_iter().filter(|c| !also.contains(c));
     let also: Vec<String> = also.iter().copied().chain(at_joint).map(|c| c.name(scene)).collect();
-    let text = wording::law(scene, &law, &f.nonlinear, &f.theta, work) + &wording::also(&also);
+    let found_in = if *of_both { "; found in flight and contact together" } else { "" };
+    let text = wording::law(scene, &law, &f.nonlinear, &f.theta, work) + &wording::also(&also) + found_in;
     let values: Vec<&Estimate> = coefficients.iter().chain(&nonlinear[split..]).chain(&point).collect();
-    let documentation = wording::documentation(&text, &values, *ratio, *p);
+    let documentation = wording::documentation(&text, &values, *ratio, *p, *of_both);
     let mut effect = law.formula(scene, &f.nonlinear, documentation);
     effect.title = wording::title(scene, &law);
     FoundLaw {

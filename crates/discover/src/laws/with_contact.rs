@@ -1,16 +1,15 @@
 //! The law that flights and contact show together.
 //!
-//! A force that acts whenever the body moves acts on the ground, too. There the plates measure what
-//! flights only leave over, for longer and over a wider range of postures and speeds. The places
-//! and directions that flights show best are tried with every variable on the rows of both, and a
-//! law of both takes the place of the law of the flights, if flights do not contradict it.
+//! A force that acts whenever the body moves also acts on the ground. There the plates measure for
+//! longer, and over a wider range of postures and speeds. The places and directions that fit the
+//! flights best are tried with every variable on the rows of both. A law of both replaces the law
+//! of the flights unless the flights contradict it.
 
-use super::atlas::{Group, PlaceFrames, anchors, columns, range_of, splines, stride, towards};
+use super::atlas::{Group, POWERS, PlaceFrames, SPLINES, Towards, anchors, columns, curve_of, stride, towards};
 use super::evidence::{DRAWS, Evidence};
 use super::fit::{self, Fitted, STEPS, TRIED, places};
 use super::kinematics::{Action, Direction, Variable};
 use super::one_law::{OneLaw, one_law};
-use super::shape::Range;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
@@ -20,19 +19,17 @@ use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
 
-/// Places and directions of the flights that are tried.
+/// Places and directions that are tried: those that fit the flights best.
 const PLACES: usize = 24;
-/// Links with a force towards points of the room.
+/// Links on which a force towards points of the room is tried.
 const TOWARDS: usize = 3;
 /// Most flights and contact stretches from which a law is sought.
 const MOST_STRETCHES: usize = 160;
-/// Splines of a curve.
-const SPLINES: usize = 6;
 /// A law of both may leave this much more error in flight than the law of the flights alone.
 pub(super) const IN_FLIGHT: f64 = 1.15;
 
-/// Most rows of contact in one recording: 250 windows, some 20 s. The inverse of a matrix of their
-/// number is needed.
+/// Most rows of contact in one recording: 250 windows, about 20 s. The search inverts a matrix of
+/// this size for each recording.
 const MOST_ROWS: usize = 1500;
 
 /// The session with all flights and, of each recording, the first contact stretches that together
@@ -54,7 +51,7 @@ pub(super) fn in_use<'a>(session: &Session<'a>) -> Session<'a> {
     session.with_rows_of(&kept)
 }
 
-/// Rows of flights.
+/// What was found in flight.
 pub(super) struct Flights<'s, 'a> {
     pub session: &'s Session<'a>,
     pub problem: &'s Problem,
@@ -81,7 +78,7 @@ pub(super) fn with_contact(
     let evidence = Evidence::new(both, DRAWS, options.seed)?;
     let mut made: Vec<Group> = places(&flights.groups.iter().collect::<Vec<_>>(), PLACES)
         .into_par_iter()
-        .flat_map_iter(|place| in_every_variable(session, both, &evidence, place))
+        .flat_map_iter(|place| with_every_variable(session, both, &evidence, place))
         .collect();
     made.sort_by(|a, b| a.score.ratio.total_cmp(&b.score.ratio));
     let mut forces: Vec<Group> = Vec::new();
@@ -123,25 +120,13 @@ fn judged_in_flight(flights: &Flights<'_, '_>, law: Fitted) -> Option<Fitted> {
 }
 
 /// Entries of a place and direction with a free curve of each variable.
-fn in_every_variable(session: &Session<'_>, both: &Problem, evidence: &Evidence, place: &Group) -> Vec<Group> {
+fn with_every_variable(session: &Session<'_>, both: &Problem, evidence: &Evidence, place: &Group) -> Vec<Group> {
     let frames = PlaceFrames::new(session, place.carrier, &place.point);
     let unit = frames.unit(place.action, place.direction, &place.components, &place.anchor);
-    let stride = stride(session);
     let of = |variable: Variable| {
-        let values = frames.values(variable, &place.anchor);
-        let (range, weight, nb) = if variable == Variable::None {
-            (Range { low: 0.0, high: 1.0 }, values, 1)
-        } else {
-            let range = range_of(&values)?;
-            (range, values.iter().map(|x| splines(x, range)).collect(), SPLINES)
-        };
-        let made = columns(session, both, &unit, &weight, nb, stride);
-        if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
-            return None;
-        }
-        let all: Vec<usize> = (0..made[0].ncols()).collect();
-        let score = evidence.score(&evidence.prepare(&made, if nb == SPLINES { nb } else { 0 }), &all)?;
-        Some(Group { variable, range, frequency: None, columns: all.len(), score, ..place.clone() })
+        let (range, weight, nb) = curve_of(&frames, variable, &place.anchor)?;
+        let entry = Group { variable, range, frequency: None, ..place.clone() };
+        scored(session, both, evidence, &unit, &weight, nb, entry)
     };
     Variable::of(session.scene).into_iter().filter_map(of).collect()
 }
@@ -149,16 +134,30 @@ fn in_every_variable(session: &Session<'_>, both: &Problem, evidence: &Evidence,
 /// Entries of a force of a place towards points of the room.
 fn towards_every_point(session: &Session<'_>, both: &Problem, evidence: &Evidence, place: &Group) -> Vec<Group> {
     let frames = PlaceFrames::new(session, place.carrier, &place.point);
-    let stride = stride(session);
     let of = |anchor: Vector3<f64>| {
-        let (unit, weight, range) = towards(&frames, &anchor)?;
-        let made = columns(session, both, &unit, &weight, 4, stride);
-        if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
-            return None;
-        }
-        let score = evidence.score(&evidence.prepare(&made, 0), &[0, 1, 2, 3])?;
+        let Towards { unit, weight, range } = towards(&frames, &anchor)?;
         let at = Group { direction: Direction::Towards, components: vec![0], anchor, ..place.clone() };
-        Some(Group { variable: Variable::Distance, range, frequency: None, second: None, columns: 4, score, ..at })
+        let entry = Group { variable: Variable::Distance, range, frequency: None, second: None, ..at };
+        scored(session, both, evidence, &unit, &weight, POWERS, entry)
     };
     anchors(session.scene, &frames).into_par_iter().filter_map(of).collect()
+}
+
+/// An entry with its score on the rows of both; `None` if its columns are not finite or not seen.
+fn scored(
+    session: &Session<'_>,
+    both: &Problem,
+    evidence: &Evidence,
+    unit: &[Vec<Vec<[f64; 6]>>],
+    weight: &[Vec<f64>],
+    nb: usize,
+    entry: Group,
+) -> Option<Group> {
+    let made = columns(session, both, unit, weight, nb, stride(session));
+    if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
+        return None;
+    }
+    let all: Vec<usize> = (0..made[0].ncols()).collect();
+    let score = evidence.score(&evidence.prepare(&made, if nb == SPLINES { nb } else { 0 }), &all)?;
+    Some(Group { columns: all.len(), score, ..entry })
 }

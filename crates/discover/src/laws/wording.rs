@@ -171,12 +171,17 @@ fn estimate(e: &Estimate) -> String {
 }
 
 /// Documentation of the law as an effect.
-pub(crate) fn documentation(text: &str, values: &[&Estimate], ratio: f64, p: f64) -> String {
+pub(crate) fn documentation(text: &str, values: &[&Estimate], ratio: f64, p: f64, with_contact: bool) -> String {
+    let of = if with_contact {
+        "recordings the best entry at the places chosen by flights"
+    } else {
+        "flights the best entry of the search"
+    };
     let values: Vec<String> = values.iter().map(|e| estimate(e)).collect();
     format!(
         "## Physics\nFound by `aloft discover`, not derived: {text}.\n\
          ## Equation\nAs in the formulas. On the recordings where it was found: {}.\n\
-         ## Identifiability\nHeld-out error fell to {:.1} % with it; with random signs of the flights the best entry of the search does as well with a probability of at most {p:.3}; its intervals do not contain \
+         ## Identifiability\nHeld-out error fell to {:.1} % with it; with random signs of the {of} does as well with a probability of at most {p:.3}; its intervals do not contain \
          the choice of the law. \
          A law fitted to some motions need not hold for others: rank it again on new recordings, at other places, speeds and headings.\n\
          ## References\nNone: this law comes from recordings.\n",
@@ -257,7 +262,10 @@ pub(crate) fn answer(o: &OpenWorld) -> String {
                     LawKind::Curve => format!("`{}` (no simple expression fits: a curve): {}", l.id, l.text),
                 })
                 .collect();
-            format!("{}: {}", lead(o), each.join("; and "))
+            // the words before are on flights
+            let contact = o.times_floor_in_contact.filter(|t| *t >= POOR_TIMES_FLOOR);
+            let contact = contact.map_or(String::new(), |t| format!("; in contact {t:.1} times the floor remain"));
+            format!("{}: {}{contact}", lead(o), each.join("; and "))
         }
     };
     found + &stopped
@@ -281,6 +289,7 @@ mod tests {
             times_floor_after: times,
             at_floor_after: at_floor,
             held_out_error_after: 1.0,
+            times_floor_in_contact: None,
             stopped_after_s: None,
             words: String::new(),
         }
