@@ -25,6 +25,10 @@ pub fn laws(found: &OpenWorld) -> Result<(), Stop> {
     for law in &found.laws {
         one(law)?;
     }
+    out(labelled(
+        "  ±: ",
+        "spread between recordings, for this law at this point; neither their choice nor errors of the body's geometry are in it",
+    ))?;
     if let Some(times) = found.times_floor_after {
         let it = if found.laws.len() == 1 { "it" } else { "them" };
         let words = format!(

@@ -82,9 +82,10 @@ pub struct FoundLaw {
     /// Point on the link, link frame, m, with its standard errors; empty for a couple, the whole
     /// body, or the link's centre of mass.
     pub point: Vec<Estimate>,
-    /// Linear unknowns.
+    /// Linear unknowns. Their intervals are the spread between recordings, for this law at this
+    /// point: neither their choice nor errors of the body's geometry are in them.
     pub coefficients: Vec<Estimate>,
-    /// Nonlinear unknowns that the formulas name.
+    /// Nonlinear unknowns that the formulas name, with intervals of the same kind.
     pub parameters: Vec<Estimate>,
     /// Held-out error with the laws up to this one, over that without this one.
     pub held_out_ratio: f64,
