@@ -72,8 +72,6 @@ const PRIOR_WEIGHT: f64 = 0.5;
 /// Longest step of a coordinate, rad, for which the first order is sufficient: the second is a
 /// tenth of it.
 const FIRST_ORDER_RAD: f64 = 0.2;
-/// Largest number of steps after a longer one.
-const FURTHER_STEPS: usize = 3;
 /// Multiplicative updates of the variances.
 const UPDATES: usize = 40;
 
@@ -175,7 +173,9 @@ impl MarkerErrors {
                 let moved = &mut out.q[f * motion.nq..(f + 1) * motion.nq];
                 tree.retract(motion.q(f), &step, moved);
                 if !is_small(&step) {
-                    self.settle(motion.q(f), &error, &mut response, moved);
+                    let place = |m: usize| response.place(m, &error(m));
+                    let targets = (0..self.seen.len()).map(place).collect();
+                    settle(&mut response.solver, targets, motion.q(f), moved);
                 }
             }
         }
@@ -193,83 +193,76 @@ impl MarkerErrors {
         (1.0 - share + normal * share.sqrt()).max(0.0).powi(3)
     }
 
-    /// Further steps of the fit from `moved` to markers that are displaced from the pose `q`, where
-    /// one step is too long for its first order: when a limb is nearly straight, errors of
-    /// millimetres turn it about its length by a radian, which the first order would continue to
-    /// any angle.
-    fn settle(&self, q: &[f64], error: &dyn Fn(usize) -> Vector3<f64>, response: &mut Response<'_>, moved: &mut [f64]) {
-        let tree = &self.problem.tree;
-        let mut pose = tree.pose();
-        tree.forward(q, &mut pose);
-        let place = |pose: &Pose, m: usize, e: Vector3<f64>| {
-            let marker = &self.problem.markers[m];
-            pose.origin[marker.link] + pose.rotation[marker.link] * (marker.position + e)
-        };
-        let targets: Vec<Vector3<f64>> = (0..self.seen.len()).map(|m| place(&pose, m, error(m))).collect();
-        let mut step = vec![0.0; tree.nv];
-        let mut next = moved.to_vec();
-        for _ in 0..FURTHER_STEPS {
-            if !response.at(&next) {
-                return;
-            }
-            let here = response.pose();
-            let missed: Vec<Vector3<f64>> = (0..targets.len())
-                .map(|m| {
-                    let turn = here.rotation[self.problem.markers[m].link];
-                    turn.transpose() * (targets[m] - place(here, m, Vector3::zeros()))
-                })
-                .collect();
-            response.step(&|m| missed[m], &mut step);
-            if !step.iter().all(|x| x.is_finite()) {
-                return;
-            }
-            let from = next.clone();
-            tree.retract(&from, &step, &mut next);
-            if is_small(&step) {
-                break;
-            }
-        }
-        moved.copy_from_slice(&next);
-    }
-
     /// The motion as other geometries of the same subject would show it, one for each of `others`
     /// ([`GeometryError::applied`](crate::GeometryError::applied)): the poses that keep the markers
     /// where they are, to first order, in the frames for which `wanted` holds.
     pub fn with_geometry(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, others: &[Subject]) -> Vec<Motion> {
         let tree = &self.problem.tree;
         let mut out: Vec<Motion> = others.iter().map(|_| coordinates_of(motion)).collect();
-        let trees: Vec<Tree> = others.iter().map(|s| Tree::new(&s.model)).collect();
-        let mut pose = tree.pose();
+        let problems: Vec<Problem> = others.iter().map(|other| self.problem_of(other)).collect();
+        let mut solvers: Vec<Solver<'_>> = problems.iter().map(with_all_markers).collect();
         let mut response = Response::new(&self.problem);
         let mut step = vec![0.0; tree.nv];
         for f in 0..motion.n_frames() {
             if !motion.is_valid(f) || !wanted(f) || !response.at(motion.q(f)) {
                 continue;
             }
-            for ((other, its_tree), out) in others.iter().zip(&trees).zip(&mut out) {
-                its_tree.forward(motion.q(f), &mut pose);
-                let here = response.pose();
+            let places: Vec<Vector3<f64>> =
+                (0..self.seen.len()).map(|m| response.place(m, &Vector3::zeros())).collect();
+            for (solver, out) in solvers.iter_mut().zip(&mut out) {
+                solver.evaluate(motion.q(f));
                 // how far the other geometry misses each marker, in the axes of its link
-                let missed: Vec<Vector3<f64>> = self
-                    .problem
-                    .markers
-                    .iter()
-                    .zip(&self.stream)
-                    .map(|(m, &index)| {
-                        let place = here.origin[m.link] + here.rotation[m.link] * m.position;
-                        let its = other.markers.get(index as usize).map_or(m.position, |o| o.position_m);
-                        let seen = pose.origin[m.link] + pose.rotation[m.link] * its;
-                        here.rotation[m.link].transpose() * (place - seen)
+                let missed: Vec<Vector3<f64>> = (self.problem.markers.iter().zip(&solver.problem.markers))
+                    .zip(&places)
+                    .map(|((marker, its), place)| {
+                        let seen = solver.pose.origin[its.link] + solver.pose.rotation[its.link] * its.position;
+                        response.pose().rotation[marker.link].transpose() * (place - seen)
                     })
                     .collect();
                 response.step(&|m| missed[m], &mut step);
                 if step.iter().all(|x| x.is_finite()) {
-                    tree.retract(motion.q(f), &step, &mut out.q[f * motion.nq..(f + 1) * motion.nq]);
+                    let moved = &mut out.q[f * motion.nq..(f + 1) * motion.nq];
+                    tree.retract(motion.q(f), &step, moved);
+                    if !is_small(&step) {
+                        settle(solver, places.clone(), motion.q(f), moved);
+                    }
                 }
             }
         }
         out
     }
+
+    /// The fit of another geometry to the same markers.
+    fn problem_of(&self, other: &Subject) -> Problem {
+        let mut problem = self.problem.clone();
+        problem.tree = Tree::new(&other.model);
+        for (marker, &index) in problem.markers.iter_mut().zip(&self.stream) {
+            marker.position = other.markers.get(index as usize).map_or(marker.position, |o| o.position_m);
+        }
+        problem
+    }
+}
+
+/// The fit to markers at `targets`, started from the pose `q` and written to `moved`, where one
+/// step is too long for its first order: when a limb is nearly straight, errors of millimetres turn
+/// it about its length by a radian, which the first order would continue to any angle. Joints are
+/// attracted to `q`.
+fn settle(solver: &mut Solver<'_>, targets: Vec<Vector3<f64>>, q: &[f64], moved: &mut [f64]) {
+    solver.targets = targets;
+    solver.rest_q.copy_from_slice(q);
+    moved.copy_from_slice(q);
+    if !solver.minimize(moved).cost.is_finite() {
+        moved.copy_from_slice(q);
+    }
+}
+
+/// A solver that sees all markers of its problem.
+fn with_all_markers(problem: &Problem) -> Solver<'_> {
+    let mut solver = Solver::new(problem);
+    solver.visible = (0..problem.markers.len()).collect();
+    // residuals do not affect the normal matrix, because weights are constant
+    solver.targets.fill(Vector3::zeros());
+    solver
 }
 
 /// True for a step for which the first order is sufficient.
@@ -439,12 +432,12 @@ struct Response<'a> {
 
 impl<'a> Response<'a> {
     fn new(problem: &'a Problem) -> Self {
-        let mut solver = Solver::new(problem);
-        solver.visible = (0..problem.markers.len()).collect();
-        // Residuals do not affect the normal matrix, because weights are constant.
-        solver.targets.fill(Vector3::zeros());
         let links = problem.tree.links.len();
-        Self { solver, force: vec![Vector3::zeros(); links], torque: vec![Vector3::zeros(); links] }
+        Self {
+            solver: with_all_markers(problem),
+            force: vec![Vector3::zeros(); links],
+            torque: vec![Vector3::zeros(); links],
+        }
     }
 
     /// Computes the normal matrix at a pose; false if a coordinate is undetermined.
@@ -457,10 +450,15 @@ impl<'a> Response<'a> {
         &self.solver.pose
     }
 
-    fn arm(&self, m: usize) -> Vector3<f64> {
+    /// World position of a marker that is displaced in the axes of its link, m.
+    fn place(&self, m: usize, displaced: &Vector3<f64>) -> Vector3<f64> {
         let marker = &self.solver.problem.markers[m];
         let pose = self.pose();
-        pose.origin[marker.link] + pose.rotation[marker.link] * marker.position - pose.reference
+        pose.origin[marker.link] + pose.rotation[marker.link] * (marker.position + displaced)
+    }
+
+    fn arm(&self, m: usize) -> Vector3<f64> {
+        self.place(m, &Vector3::zeros()) - self.pose().reference
     }
 
     fn solve(&self, x: &mut [f64]) {

@@ -116,3 +116,41 @@ fn perfect_markers_have_no_errors_and_draws_repeat_themselves() {
     assert!(a.q[200 * a.nq..] != solved.q[200 * a.nq..]);
     assert!(errors.draw(&solved, &|_| true, 1, 4).q != errors.draw(&solved, &|_| true, 1, 3).q);
 }
+
+/// Largest distance of a marker between a motion of one subject and that of another, m.
+fn farthest(a: (&Subject, &Motion), b: (&Subject, &Motion)) -> f64 {
+    let places = |(subject, motion): (&Subject, &Motion), f: usize| -> Vec<Vector3<f64>> {
+        let mut state = State::new(&subject.model);
+        state.forward_position(&subject.model, motion.q(f));
+        subject.markers.iter().map(|m| state.point_in_world(m.link, &m.position_m)).collect()
+    };
+    let distance =
+        |f: usize| places(a, f).into_iter().zip(places(b, f)).map(|(x, y)| (x - y).norm()).fold(0.0, f64::max);
+    (0..a.1.n_frames()).map(distance).fold(0.0, f64::max)
+}
+
+/// One marker on the upper arm and none on the forearm: when the arm is nearly straight, small
+/// errors turn it about its length by radians, which the first order continues to any angle.
+#[test]
+fn errors_of_a_straight_arm_stay_as_small_as_those_of_its_markers() {
+    let subject = person();
+    let elbow = subject.model.links.iter().find(|l| l.name == "forearm_l").unwrap().joint.q_offset;
+    let mut truth = motion(&subject, N, RATE_HZ, 0.2, 5);
+    for (f, q) in truth.iter_mut().enumerate() {
+        q[elbow] = 0.02 + 0.4 * (2.0 * f as f64 / RATE_HZ).sin().abs();
+    }
+    let mut made = trial(&subject, &truth, RATE_HZ, 5e-4, 6);
+    slide(&subject, &truth, &mut made, 3e-3, 7);
+    let solved = solve(&subject, &made, &IkOptions::default()).unwrap().motion;
+    let errors = MarkerErrors::of(&subject, &made, &solved, &IkOptions::default()).unwrap().unwrap();
+    let largest = (0..8).map(|d| farthest((&subject, &solved), (&subject, &errors.draw(&solved, &|_| true, 1, d))));
+    let largest = largest.fold(0.0, f64::max);
+    let mut longer = subject.clone();
+    let forearm = longer.model.links.iter().position(|l| l.name == "forearm_l").unwrap();
+    longer.model.links[forearm].joint.parent_from_joint.translation.vector *= 0.96;
+    let other = &errors.with_geometry(&solved, &|_| true, std::slice::from_ref(&longer))[0];
+    let moved = farthest((&subject, &solved), (&longer, other));
+    println!("largest move of a marker: errors {:.1} mm, another length {:.1} mm", 1e3 * largest, 1e3 * moved);
+    assert!(largest < 0.04, "errors of 3 mm move a marker by {:.0} mm", 1e3 * largest);
+    assert!(moved < 0.02, "an upper arm that is 4 % shorter moves a marker by {:.0} mm", 1e3 * moved);
+}
