@@ -150,6 +150,7 @@ class Laboratories:
         if kept["open"]:
             kept["open"] = {**kept["open"], "atlas": (kept["open"].get("atlas") or [])[:5]}
         kept["found"] = [f["key"] for f in found.get("found", [])]
+        kept["estimates"] = {f"{f['key']}.{c['name']}": [c["value"], *(c["ci95"] or [None, None])] for f in found.get("found", []) for c in f["coefficients"]}
         return {"held_out": error, "floor": floor, "discover_s": round(time.time() - start, 2), "answer": kept}
 
     def scale_for(self, scenarios_at, seed, twin, wanted, guess, judged_on="flight"):

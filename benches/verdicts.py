@@ -139,6 +139,37 @@ def drawn(body, rng):
     return lambda s: [(where, [one(s)], capture)], [names], "one", kind, judged_on
 
 
+def true_values(hidden):
+    """Coefficients of hidden effects as the program would report them: key and coefficient to value."""
+    out = {}
+    for h in hidden:
+        kind, on = h["effect"], f"[{h['link']}]" if "link" in h else ""
+        axes = lambda name, values: {f"{kind}{on}.{name}_{axis}": x for axis, x in zip("xyz", values)}
+        out |= {
+            "payload": lambda: {f"payload{on}.mass": h["mass_kg"]},
+            "added_mass": lambda: {f"added_mass{on}.added_mass": h["mass_kg"]},
+            "constant_force": lambda: axes("force", h["force_n"]),
+            "flywheel": lambda: axes("momentum", h["momentum_nms"]),
+            "tether": lambda: {f"tether{on}.stiffness": h["stiffness_npm"]},
+            "crane": lambda: {f"crane{on}.tension": h["tension_n"]},
+            "gravity_scale": lambda: {"gravity_scale.gravity_excess": h["factor"] - 1},
+            "gravity_tilt": lambda: {f"gravity_tilt.dg_{axis}": x for axis, x in zip("xy", tilted(h))},
+            # what the readings have to be multiplied by is one more than the gain
+            "plate_gain": lambda: {f"plate_gain[plate{h['plate']}].gain_{axis}": 1 / g - 1 for axis, g in zip(["fx", "fy", "fz", "mx", "my", "mz"], h["gain"])},
+            "body_mass": lambda: {"body_mass.mass_error": -h["error_kg"]},
+            "plate_time_offset": lambda: {"plate_time_offset.delay": h["offset_s"]},
+        }.get(kind, dict)()
+    return out
+
+
+def tilted(entry):
+    """Horizontal components of a tilted gravity, m/s²."""
+    x, y = math.radians(entry["about_x_deg"]), math.radians(entry["about_y_deg"])
+    angle = math.hypot(x, y)
+    size = 9.80665 * math.sin(angle) / angle
+    return [-y * size, x * size]
+
+
 class Bench(Laboratories):
     """Effects of the catalogue, scaled to the strengths asked for."""
 
@@ -181,7 +212,9 @@ class Bench(Laboratories):
             name = f"{self.kind}-{index}-x{wanted}"
             if name not in done:
                 of = {k: line[k] for k in ("index", "case", "kind", "truth", "twin", "judged_on", "seed")}
-                self.answer(name, {**of, "strength": wanted}, at(line["sizes"][str(wanted)][0]), line["seed"], line["judged_on"])
+                scenarios = at(line["sizes"][str(wanted)][0])
+                of |= {"strength": wanted, "true_values": true_values(scenarios[0][1])}
+                self.answer(name, of, scenarios, line["seed"], line["judged_on"])
 
     def empty(self, index, done):
         name = f"{self.kind}-empty{index}"
@@ -258,9 +291,26 @@ def score(folders):
         off = [line["set"] for line in hidden if "answer" in line and abs(line["held_out"] / line["twin"] / line["strength"] - 1) > TOLERANCE]
         times_s = sorted(line["discover_s"] for line in of_body if "discover_s" in line)
         unusable = sum("answer" not in line for line in of_body)
+        intervals(hidden)
         if times_s:
             print(f"\ndiscover: median {times_s[len(times_s) // 2]:.1f} s, longest {times_s[-1]:.1f} s; not usable: {unusable}; "
                   f"strength off by more than {TOLERANCE:.0%}: {', '.join(off) or 'none'}")
+
+
+def intervals(lines):
+    """How often the intervals of effects that were named contain the truth; a set counts as a whole and by coefficient."""
+    inside, sets, errors = [], [], []
+    for line in lines:
+        known, found = line.get("true_values") or {}, (line.get("answer") or {}).get("estimates") or {}
+        pairs = [(x, found[name]) for name, x in known.items() if name in found and found[name][1] is not None]
+        within = [low <= x <= high for x, (_, low, high) in pairs]
+        inside += within
+        sets += [all(within)] if within else []
+        errors += [2 * abs(value - x) / (high - low) for x, (value, low, high) in pairs]
+    if inside:
+        errors.sort()
+        print(f"\nintervals of coefficients that contain the truth: {interval(sum(inside), len(inside))} of {len(inside)}, all of a set {interval(sum(sets), len(sets))} "
+              f"of {len(sets)}; error over half of the interval: median {errors[len(errors) // 2]:.2f}, largest {errors[-1]:.2f}")
 
 
 def main():

@@ -2,7 +2,6 @@
 //! the workspace, and tests how well this works on these recordings.
 
 use crate::compare::compare;
-use crate::contradiction::contradicted;
 use crate::drawn_errors::{contact_rows, drawn};
 use crate::held_out::HeldOutError;
 use crate::joint_laws::joint_laws;
@@ -204,7 +203,13 @@ impl Evidence {
         };
         let borrowed: Vec<TrialDraws<'_>> = draws
             .iter()
-            .map(|d| TrialDraws { trial: &d.trial, centres: &d.centres, in_flight: &d.in_flight, errors: &d.errors })
+            .map(|d| TrialDraws {
+                trial: &d.trial,
+                centres: &d.centres,
+                in_flight: &d.in_flight,
+                errors: &d.errors,
+                zeros: &d.zeros,
+            })
             .collect();
         let rows: Vec<ContactRows<'_>> = contact.iter().map(|(trial, rows)| ContactRows { trial, rows }).collect();
         let prepared = prepared.with_draws(&borrowed, &rows);
@@ -346,7 +351,6 @@ fn found(
         let shown = bench.effects.iter().filter(|e| e.about().shows_unloaded).map(|e| e.id().to_owned());
         options.without.extend(shown);
     }
-    let mut refused = Vec::new();
     let last: Mutex<Option<LastComputed>> = Mutex::new(None);
     let ids = |laws: &[&FoundLaw]| laws.iter().map(|l| format!("{} {:?}", l.id, l.effect.acts)).collect::<Vec<_>>();
     let by_stages = |found: &[Found], laws: &[&FoundLaw]| {
@@ -362,36 +366,20 @@ fn found(
         Some(staged)
     };
     let prepared = bench.session.clone().with_stages(&by_stages);
-    let (mut found, errors_after) = loop {
-        let found = rank(&prepared, &bench.effects, &bench.accepted, &options)
-            .map_err(|e| PipelineError::request(e.to_string()))?;
-        let laws: Vec<&FoundLaw> = found.open.iter().flat_map(|o| &o.laws).collect();
-        let done = last.lock().unwrap_or_else(PoisonError::into_inner).take();
-        // where the stages cannot compute it, the estimate of the ranking stands
-        let same = |effects: &[Found]| {
-            effects.len() == found.found.len() && effects.iter().zip(&found.found).all(|(a, b)| a.is_same_effect(b))
-        };
-        let after = match done.filter(|(effects, with, _)| *with == ids(&laws) && same(effects)) {
-            Some((_, _, errors)) => errors,
-            None => promised(session, &found.found, &laws, volume)
-                .ok()
-                .flatten()
-                .map(|made| made.errors)
-                .unwrap_or_default(),
-        };
-        // what the user asks for by name is answered as asked
-        match contradicted(&found, &errors, &after).filter(|_| options.only.is_empty()) {
-            Some(no) => {
-                match no.effect {
-                    Some(effect) => options.without.push(effect),
-                    None => options.closed = true,
-                }
-                refused.push(no.words);
-            }
-            None => break (found, after),
+    let mut found = rank(&prepared, &bench.effects, &bench.accepted, &options)
+        .map_err(|e| PipelineError::request(e.to_string()))?;
+    let laws: Vec<&FoundLaw> = found.open.iter().flat_map(|o| &o.laws).collect();
+    let done = last.lock().unwrap_or_else(PoisonError::into_inner).take();
+    // where the stages cannot compute it, the estimate of the ranking stands
+    let same = |effects: &[Found]| {
+        effects.len() == found.found.len() && effects.iter().zip(&found.found).all(|(a, b)| a.is_same_effect(b))
+    };
+    let errors_after = match done.filter(|(effects, with, _)| *with == ids(&laws) && same(effects)) {
+        Some((_, _, errors)) => errors,
+        None => {
+            promised(session, &found.found, &laws, volume).ok().flatten().map(|made| made.errors).unwrap_or_default()
         }
     };
-    found.warnings.extend(refused);
     if let Some(c) = found.candidates.iter().find(|c| asks_session_time(&c.effect) && c.believed) {
         let calendar = Calendar::of(session, &Workspace::open(&session.workspace));
         found.advice.push(format!("`{}` rests on the times of the session, from {}", c.effect, calendar.words));

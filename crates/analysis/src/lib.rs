@@ -5,7 +5,6 @@ pub mod assess;
 pub mod audit;
 pub mod check;
 pub mod compare;
-mod contradiction;
 pub mod corrections;
 pub mod discover;
 mod drawn_errors;

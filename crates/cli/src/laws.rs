@@ -27,7 +27,7 @@ pub fn laws(found: &OpenWorld) -> Result<(), Stop> {
     }
     out(labelled(
         "  ±: ",
-        "spread between recordings, for this law at this point; neither their choice nor errors of the body's geometry are in it",
+        "95 %, for this law: errors of the body's geometry are in it, the choice of the law is not",
     ))?;
     if let Some(times) = found.times_floor_after {
         let it = if found.laws.len() == 1 { "it" } else { "them" };

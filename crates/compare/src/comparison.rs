@@ -348,7 +348,7 @@ pub fn compare_each<T, E: From<CompareError> + Send>(
     let grouping = Grouping::new(&facts, &frames, &counting);
     let noise_floor = match noise {
         Noise::Known(floor) => Some(floor.clone()),
-        _ => drawn.and_then(|_| NoiseFloor::of(&floors, &facts, &counting, &grouping)),
+        _ => drawn.and_then(|_| NoiseFloor::of(&floors, &facts, &counting, &grouping, options.floor_spread)),
     };
     drop(floors);
     let models: Vec<ModelComparison> = candidates

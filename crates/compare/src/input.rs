@@ -209,6 +209,9 @@ pub struct CompareOptions {
     pub noise_draws: usize,
     /// Number of these draws that are filtered as well, for the noise floor on frames.
     pub frame_draws: usize,
+    /// Standard deviation of the logarithm of true error over floor between bodies that the draws
+    /// do not show: it widens the floor's interval.
+    pub floor_spread: f64,
     /// Seed of the drawn noise.
     pub seed: u64,
     /// Mass of the body from a scale, kg. While the offset of an untared recording is estimated,
@@ -228,6 +231,7 @@ impl Default for CompareOptions {
             flight_window_s: None,
             noise_draws: 8,
             frame_draws: 1,
+            floor_spread: 0.0,
             seed: 1,
             mass_kg: None,
         }

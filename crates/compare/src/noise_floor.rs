@@ -35,6 +35,7 @@ use crate::measured::{FOURTH_DIFFERENCE, median_scale};
 use crate::offset::sought;
 use crate::phase::{Place, places};
 use crate::predict::wrenches;
+use crate::trial_draws::{DrawnWindow, TrialDraws, mean_change};
 use crate::windows::{about, stretches, windows_of};
 use aloft_body::{Model, Motion, Phi, State};
 use aloft_regressor::{Acting, BodyWindows, RegressorError, body_windows};
@@ -45,6 +46,9 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+
+/// Degrees of freedom beyond which Student's t is normal.
+const MOST_FREEDOM: f64 = 1e6;
 
 /// The floor over the windows of one kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -67,8 +71,8 @@ pub struct Floor {
 }
 
 impl Floor {
-    /// From the sums of each draw.
-    fn of(draws: &[Sums]) -> Option<Self> {
+    /// From the sums of each draw, and [`CompareOptions::floor_spread`].
+    fn of(draws: &[Sums], spread: f64) -> Option<Self> {
         let mut all = Sums::default();
         draws.iter().for_each(|s| all.merge(s));
         if all.n == 0 {
@@ -81,8 +85,12 @@ impl Floor {
         let logs: Vec<f64> = each.iter().map(|e| e.size().ln()).collect();
         let mean = noise_floor.ln();
         let variance = logs.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        // prediction interval of a new set of recordings given the mean of n of them
-        let reach = (aloft_signal::t975(n - 1.0) * (variance * (1.0 + 1.0 / n)).sqrt()).exp();
+        // prediction interval of a new set of recordings given the mean of n of them; degrees of
+        // freedom of the sum by Satterthwaite
+        let predicted = variance * (1.0 + 1.0 / n);
+        let total = predicted + spread * spread;
+        let freedom = (n - 1.0) * (total / predicted).powi(2);
+        let reach = (aloft_signal::t975(freedom.min(MOST_FREEDOM)) * total.sqrt()).exp();
         let ci95 = reach.is_finite().then(|| [noise_floor / reach, noise_floor * reach]);
         Some(Self {
             noise_floor,
@@ -92,42 +100,6 @@ impl Floor {
             draws: each.len(),
             windows: all.n / each.len(),
         })
-    }
-}
-
-/// Draws of the errors in the windows of one trial that a model with the true parameters would
-/// leave in the geometry of the calibration: errors of markers and plates, and of that geometry.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TrialDraws {
-    /// Name of the trial.
-    pub trial: String,
-    /// Middle frame of each window.
-    pub centres: Vec<usize>,
-    /// True for windows in flight.
-    pub in_flight: Vec<bool>,
-    /// For each draw the errors of the windows in their order, six numbers each: force (N) and
-    /// moment (N·m), world axes.
-    pub errors: Vec<Vec<f32>>,
-}
-
-impl TrialDraws {
-    fn of(trial: &str, part: &TrialFloor) -> Self {
-        let first: Vec<&FloorWindow> = part.windows.iter().filter(|w| w.draw == 0).collect();
-        let mut errors: Vec<Vec<f32>> = Vec::new();
-        for w in &part.windows {
-            if errors.len() <= w.draw {
-                errors.resize(w.draw + 1, Vec::new());
-            }
-            let geometry = part.geometry.get(w.draw).and_then(|g| g.get(errors[w.draw].len() / 6));
-            let error = w.error + geometry.copied().unwrap_or_else(Vector6::zeros);
-            errors[w.draw].extend(error.iter().map(|x| *x as f32));
-        }
-        Self {
-            trial: trial.to_owned(),
-            centres: first.iter().map(|w| w.centre).collect(),
-            in_flight: first.iter().map(|w| !w.contact).collect(),
-            errors,
-        }
     }
 }
 
@@ -186,9 +158,11 @@ pub type Smooth<'a> = &'a (dyn Fn(&Motion) -> Option<Motion> + Sync);
 #[derive(Debug, Clone, Default)]
 pub(crate) struct TrialFloor {
     frames: Vec<FloorFrame>,
-    windows: Vec<FloorWindow>,
+    windows: Vec<DrawnWindow>,
     /// For each draw of the geometry its errors in the windows, in their order.
     geometry: Vec<Vec<Vector6<f64>>>,
+    /// For each draw of the geometry the mean change of every joint coordinate.
+    zeros: Vec<Vec<f32>>,
 }
 
 #[derive(Debug, Clone)]
@@ -199,14 +173,6 @@ struct FloorFrame {
     rotation: UnitQuaternion<f64>,
 }
 
-#[derive(Debug, Clone)]
-struct FloorWindow {
-    draw: usize,
-    centre: usize,
-    contact: bool,
-    error: Vector6<f64>,
-}
-
 impl NoiseFloor {
     /// Over all trials; none without frames.
     pub(crate) fn of(
@@ -214,6 +180,7 @@ impl NoiseFloor {
         trials: &[TrialFacts],
         counting: &Counting,
         grouping: &Grouping,
+        spread: f64,
     ) -> Option<Self> {
         let (mut contact, mut flight) = (WrenchSums::default(), WrenchSums::default());
         let (mut contact_weak, mut flight_weak): (Vec<Sums>, Vec<Sums>) = (Vec::new(), Vec::new());
@@ -248,10 +215,14 @@ impl NoiseFloor {
             flight: flight.errors(),
             contact_weak: total(&contact_weak),
             flight_weak: total(&flight_weak),
-            contact_floor: Floor::of(&contact_weak),
-            flight_floor: Floor::of(&flight_weak),
+            contact_floor: Floor::of(&contact_weak, spread),
+            flight_floor: Floor::of(&flight_weak, spread),
             groups: groups.floors(grouping),
-            draws: trials.iter().zip(parts).map(|(facts, part)| TrialDraws::of(&facts.name, part)).collect(),
+            draws: trials
+                .iter()
+                .zip(parts)
+                .map(|(facts, part)| TrialDraws::of(&facts.name, &part.windows, &part.geometry, &part.zeros))
+                .collect(),
         };
         (floor.contact.frames + floor.flight.frames > 0).then_some(floor)
     }
@@ -340,7 +311,7 @@ pub(crate) fn trial_floor(
         };
         let noisy_windows = windows(body, &phi, &noisy, &runs, &read, options)?;
         let found = differences(&clean_windows, &noisy_windows, sought(input)).into_iter();
-        out.windows.extend(found.map(|d| FloorWindow { draw, centre: d.centre, contact: d.contact, error: d.error }));
+        out.windows.extend(found.map(|d| DrawnWindow { draw, centre: d.centre, contact: d.contact, error: d.error }));
         if !filtered_too {
             continue;
         }
@@ -353,6 +324,7 @@ pub(crate) fn trial_floor(
     for (model, motion) in &others {
         let other = windows(&Body { model, ..*body }, &phi, motion, &runs, &measured, options)?;
         out.geometry.push(differences(&clean_windows, &other, sought(input)).into_iter().map(|d| d.error).collect());
+        out.zeros.push(mean_change(body.model, clean, motion, &wanted));
     }
     Ok(out)
 }

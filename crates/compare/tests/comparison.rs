@@ -270,6 +270,12 @@ fn the_noise_floor_is_the_error_that_noise_makes() {
     assert!((one.noise_floor / floor.contact_weak.size() - 1.0).abs() < 0.1 && one.draws == 4);
     let ci95 = one.ci95.unwrap();
     assert!(ci95[0] < one.noise_floor && one.noise_floor < ci95[1]);
+    // a spread between bodies makes it wider, and nothing else
+    let spread = CompareOptions { floor_spread: 0.2, ..options };
+    let (wider, _) = compare(&body, &candidates, &[trial], Noise::Drawn { filtering, of: None }, &spread).unwrap();
+    let wider = wider.noise_floor.unwrap().contact_floor.unwrap();
+    let (before, after) = ((ci95[1] / one.noise_floor).ln(), (wider.ci95.unwrap()[1] / one.noise_floor).ln());
+    assert!(wider.noise_floor == one.noise_floor && after > before.max(1.96 * 0.2), "{before} {after}");
     let against = &c.against_floor[0];
     assert!(against.judged_on == "contact" && against.at_floor == Some(true), "{against:?}");
     assert!((against.times_floor.unwrap() - c.first.held_out_weak.size() / one.noise_floor).abs() < 1e-12);

@@ -48,7 +48,7 @@ pub fn addition(
     let mut scored: Scored<'_> = score(&sharp, variant, &sharp.reduce(&sharp.gather(&blocks)));
     scored.joint_se = joint_se_at(session, &sharp, &scored.variant);
     let mut coefficients = estimates(session, &scored).0;
-    widen(session, domain, &extra, &whole, &scored.variant, (&mut coefficients, &mut []), options);
+    widen(session, domain, &extra, &whole, &scored.variant, (&mut coefficients, &mut []), &|_| None, options);
     let plain: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
     let weights = resamples(plain.len(), options.resamples, options.seed ^ 0x5eed);
     let in_newton = |square: f64| (square / problem.n_judged as f64).sqrt() * session.unit[0];

@@ -3,9 +3,10 @@
 
 use crate::by_stages::Staged;
 use crate::candidate::Variant;
+use crate::contact::Refused;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
-use crate::laws::{Direction, FoundLaw, OpenWorld};
+use crate::laws::{Direction, FoundLaw, Line, OpenWorld};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
@@ -76,6 +77,7 @@ pub(crate) fn look_beyond(
         several: several.then_some(unknowns),
         doubted,
         within_floor,
+        lines: kept.iter().filter_map(|v| Line::of(session.scene, v)).collect(),
         far_in_contact,
     };
     out.open = crate::laws::search(session, accepted, rival, &taken, until, options);
@@ -84,6 +86,15 @@ pub(crate) fn look_beyond(
     open.times_floor_in_contact = staged.and_then(|s| s[1]).map(|e| e.times_floor()).filter(|t| t.is_finite());
     if let Some([Some(s), _]) = &staged {
         open.judged_by_stages(s);
+    }
+    // laws that contact refuses are none
+    let of_law = open.laws.first().filter(|_| open.complete).map(|l| l.id.clone());
+    let with = staged.and_then(|s| s[1]);
+    let refused = of_law.and_then(|id| Refused::by_stages(&id, &id, session.model_error[1], with));
+    if let (Some(no), Some(model_error)) = (refused, &session.model_error[0]) {
+        out.warnings.push(no.words);
+        open.without_laws(model_error);
+        open.times_floor_in_contact = None;
     }
     // a force of constant size is what the catalogue's own forces, gravity and frame rate look like
     let constant = open.laws.iter().all(|l| l.variables.is_empty() && l.direction != Direction::Towards);

@@ -3,6 +3,7 @@
 use crate::addition::addition;
 use crate::beyond::look_beyond;
 use crate::candidate::Variant;
+use crate::contact::Refused;
 use crate::held_out::{HeldOutResult, LACK_OF_FIT};
 use crate::ladder::extra_columns;
 use crate::options::DiscoverOptions;
@@ -48,7 +49,7 @@ pub(crate) fn widen_found(
         others.remove(i);
         let of = |v: &[Variant<'_>]| extra_columns(session, domain, accepted, v, &[]);
         let estimates = (&mut f.coefficients[..], &mut f.nonlinear[..]);
-        widen(session, domain, &of(&others), &of(kept), &kept[i], estimates, options);
+        widen(session, domain, &of(&others), &of(kept), &kept[i], estimates, &|_| None, options);
     }
 }
 
@@ -67,7 +68,7 @@ fn groups<'r>(rounds: impl Iterator<Item = &'r Round>, found: &[Found]) -> Vec<G
     out
 }
 
-/// The answer.
+/// The answer, or the first effect found in flight that contact refuses.
 pub(crate) fn conclude(
     session: &Session<'_>,
     effects: &[&dyn Effect],
@@ -75,7 +76,7 @@ pub(crate) fn conclude(
     made: RoundResults<'_>,
     until: &Until,
     options: &DiscoverOptions,
-) -> Discovery {
+) -> Result<Discovery, Refused> {
     let RoundResults { mut rounds, mut found, kept, contradicted, left_out, errors: [before, after], has_flights } =
         made;
     let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
@@ -138,6 +139,13 @@ pub(crate) fn conclude(
     }
     // remaining error with the effects found, in each domain: computed by the stages, or estimated
     let computed = if lost { None } else { session.by_stages.with(&found) };
+    // what the user asks for by name is answered as asked
+    if let Some(staged) = computed.as_ref().filter(|_| has_flights && options.only.is_empty())
+        && let Some((v, f)) = kept.iter().zip(&found).find(|(v, _)| v.effect.acts().in_flight())
+        && let Some(no) = Refused::by_stages(v.effect.id(), &f.key, session.model_error[1], staged.errors[1])
+    {
+        return Err(no);
+    }
     let estimated = |i: usize| -> Option<HeldOutResult> {
         let model_error = session.model_error[i]?;
         let share = match (i, has_flights) {
@@ -260,5 +268,5 @@ pub(crate) fn conclude(
             .count();
         out.warnings.push(wording::no_flights(untried));
     }
-    out
+    Ok(out)
 }

@@ -4,6 +4,7 @@ use crate::DiscoverError;
 use crate::beside::{Several, judge_each_beside_the_others};
 use crate::candidate::{Scored, Variant};
 use crate::conclude::{RoundResults, conclude, widen_found};
+use crate::contact::Refused;
 use crate::held_out::HeldOutResult;
 use crate::judge::AtFloor;
 use crate::ladder::{Refit, as_found, extra_columns, key_of, prune, refit_found, to_build_on};
@@ -55,6 +56,30 @@ pub fn discover(
     options: &DiscoverOptions,
 ) -> Result<Discovery, DiscoverError> {
     let until = Until::of(options.budget_s);
+    let mut options = options.clone();
+    let mut refused = Vec::new();
+    loop {
+        match without_refused(session, effects, accepted, &until, &options)? {
+            Ok(mut answer) => {
+                answer.warnings.extend(refused);
+                return Ok(answer);
+            }
+            Err(no) => {
+                options.without.push(no.id);
+                refused.push(no.words);
+            }
+        }
+    }
+}
+
+/// The answer with the effects that `options` allow, or the one of them that contact refuses.
+fn without_refused(
+    session: &Session<'_>,
+    effects: &[&dyn Effect],
+    accepted: &[EffectInstance<'_>],
+    until: &Until,
+    options: &DiscoverOptions,
+) -> Result<Result<Discovery, Refused>, DiscoverError> {
     let has = |contact: bool| session.blocks.iter().any(|b| (b.kind == StretchKind::Contact) == contact);
     let (has_flights, has_contact) = (has(false), has(true));
     let mut rounds: Vec<Round> = Vec::new();
@@ -342,5 +367,5 @@ pub fn discover(
     }
     widen_found(session, accepted, &kept, &mut found, options);
     let made = RoundResults { rounds, found, kept, contradicted, left_out, errors: [before, after], has_flights };
-    Ok(conclude(session, effects, accepted, made, &until, options))
+    Ok(conclude(session, effects, accepted, made, until, options))
 }

@@ -2,38 +2,17 @@
 //! errors of parameters that few flights determine.
 
 use crate::DiscoverError;
+use crate::candidate::pseudo_solve;
+use crate::draws::{ContactRows, Drawn, TrialDraws, mean_zeros};
 use crate::problem::{Cluster, Domain, Fold, Problem, given_mass};
 use crate::session::{Block, Session};
 use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Lever of the moments in the size of an error, m.
 const LEVER_M: f64 = 0.1;
-
-/// Draws of the errors that a model with the true parameters would leave in the windows of one
-/// trial: from the noise of its markers and plates, and from what the markers leave open of the
-/// body's geometry.
-#[derive(Debug, Clone, Copy)]
-pub struct TrialDraws<'a> {
-    /// Name of the trial.
-    pub trial: &'a str,
-    /// Middle frame of each window.
-    pub centres: &'a [usize],
-    /// True for windows in flight.
-    pub in_flight: &'a [bool],
-    /// For each draw six numbers for each window: force (N) and moment (N·m), world axes.
-    pub errors: &'a [Vec<f32>],
-}
-
-/// Rows of the base parameters in the windows of one trial in contact, those of its draws.
-#[derive(Debug, Clone, Copy)]
-pub struct ContactRows<'a> {
-    /// Name of the trial.
-    pub trial: &'a str,
-    /// Six rows for each window, force (N) and moment (N·m), one column for each base parameter.
-    pub rows: &'a DMatrix<f64>,
-}
 
 impl Session<'_> {
     /// Takes draws of the errors that a model with the true parameters would leave, and computes
@@ -46,6 +25,7 @@ impl Session<'_> {
     /// [`with_model_error`](Self::with_model_error) before; trials without draws change nothing.
     #[must_use]
     pub fn with_draws(mut self, draws: &[TrialDraws<'_>], contact: &[ContactRows<'_>]) -> Self {
+        self.drawn = Arc::new(Drawn { rows: self.drawn_rows(draws), zeros: mean_zeros(draws) });
         let by_parameters = self.by_parameters(draws, contact).unwrap_or_default();
         for (result, by_parameters) in self.model_error.iter_mut().zip(by_parameters) {
             if let Some(result) = result {
@@ -66,16 +46,13 @@ impl Session<'_> {
             |variance| Problem::with_variance(self, Domain::Flight, &[], FEWEST_TRIALS, 1.0, variance).ok();
         let own = problem_with(None)?;
         let problem = if own.variance <= floor { own } else { problem_with(Some(floor))? };
-        let n = draws.iter().filter(|d| !d.centres.is_empty()).map(|d| d.errors.len()).min()?;
         // rows to newtons, moments over the lever
         let newtons = |row: usize| if Block::is_force(row) { self.unit[0] } else { self.unit[1] / LEVER_M };
         let windows = problem.n_judged as f64 / 6.0;
         let prior = problem.prior_error(newtons);
-        let rows: Vec<Vec<DVector<f64>>> = (0..n)
-            .map(|k| self.blocks.iter().map(|block| self.drawn_rows(block, draws, k)).collect())
-            .collect::<Option<_>>()?;
+        let rows = &self.drawn.rows;
         let flight: Vec<f64> = rows.iter().map(|r| (problem.refitted(r, newtons) + prior) / windows).collect();
-        Some([most_of(&flight), most_of(&self.contact_squares(&problem, &rows, draws, contact))])
+        Some([most_of(&flight), most_of(&self.contact_squares(&problem, rows, draws, contact))])
     }
 
     /// Mean square in contact of each draw, N².
@@ -115,19 +92,27 @@ impl Session<'_> {
         if count == 0 { Vec::new() } else { squares.iter().map(|s| s / count as f64).collect() }
     }
 
-    /// Errors of one draw in the rows of a block; none where a window has no draw. Rows of contact
-    /// are zero.
-    fn drawn_rows(&self, block: &Block, draws: &[TrialDraws<'_>], draw: usize) -> Option<DVector<f64>> {
+    /// Errors of every draw in the rows of every block, in the weights of the rows. Stretches of
+    /// contact without draws have none; without those of a flight there are none at all.
+    fn drawn_rows(&self, draws: &[TrialDraws<'_>]) -> Vec<Vec<DVector<f64>>> {
+        let n = draws.iter().filter(|d| !d.centres.is_empty()).map(|d| d.errors.len()).min().unwrap_or(0);
+        let of_block = |block: &Block, draw: usize| match self.rows_of_draw(block, draws, draw) {
+            None if block.kind == StretchKind::Contact => Some(DVector::zeros(block.y.nrows())),
+            rows => rows,
+        };
+        let of_draw = |k: usize| self.blocks.iter().map(|block| of_block(block, k)).collect::<Option<Vec<_>>>();
+        (0..n).map(of_draw).collect::<Option<_>>().unwrap_or_default()
+    }
+
+    /// Errors of one draw in the rows of a block; none where a window has no draw.
+    fn rows_of_draw(&self, block: &Block, draws: &[TrialDraws<'_>], draw: usize) -> Option<DVector<f64>> {
         let mut rows = DVector::zeros(block.y.nrows());
-        if block.kind == StretchKind::Contact {
-            return Some(rows);
-        }
         let own = draws.iter().find(|d| d.trial == self.trials[block.trial])?;
-        let flying = |w: &usize| own.in_flight[*w];
+        let alike = |w: &usize| own.in_flight[*w] == (block.kind != StretchKind::Contact);
         for (w, centre) in block.windows.centres.iter().enumerate() {
             // windows of the comparison may lie a little beside those of the rows
             let beside = |at: usize| own.centres[at].abs_diff(*centre);
-            let at = (0..own.centres.len()).filter(flying).min_by_key(|at| beside(*at))?;
+            let at = (0..own.centres.len()).filter(alike).min_by_key(|at| beside(*at))?;
             if 2 * beside(at) > block.windows.half {
                 return None;
             }
@@ -136,7 +121,32 @@ impl Session<'_> {
                 rows[6 * w + axis] = error / if axis < 3 { self.unit[0] } else { self.unit[1] };
             }
         }
+        if let Some(zero) = &block.zero {
+            rows -= zero * zero.tr_mul(&rows);
+        }
         Some(rows)
+    }
+
+    /// Standard deviations of the unknowns of `columns` (by cluster) over the draws: what noise of
+    /// markers and plates and an uncertain geometry change in them, with the body's parameters
+    /// refitted. `further` gives for each draw what the geometry changes in the rows besides
+    /// (`None`: nothing). The mean of the changes is zero, so that there are as many degrees of
+    /// freedom as draws. None without draws.
+    pub(crate) fn drawn_deviations(
+        &self,
+        problem: &Problem,
+        columns: &[DMatrix<f64>],
+        further: &dyn Fn(usize) -> Option<Vec<DVector<f64>>>,
+    ) -> Option<(Vec<f64>, f64)> {
+        let n = self.drawn.rows.len() as f64;
+        let change = |(draw, rows): (usize, &Vec<DVector<f64>>)| match further(draw) {
+            Some(more) => problem.change(columns, &rows.iter().zip(&more).map(|(a, b)| a + b).collect::<Vec<_>>()),
+            None => problem.change(columns, rows),
+        };
+        let changes: Vec<DVector<f64>> = self.drawn.rows.iter().enumerate().map(change).collect();
+        let unknowns = changes.first()?.len();
+        let of = |i: usize| (changes.iter().map(|c| c[i] * c[i]).sum::<f64>() / n).sqrt();
+        Some(((0..unknowns).map(of).collect(), n))
     }
 }
 
@@ -155,15 +165,34 @@ impl Refits {
 }
 
 impl Problem {
+    /// Rows given by block, by cluster; blocks that have no rows here are left out.
+    fn by_cluster(&self, rows: &[DVector<f64>]) -> Vec<DVector<f64>> {
+        let gathered = |c: &Cluster| {
+            let all: Vec<f64> = c.blocks.iter().flat_map(|&i| rows[i].iter().copied()).collect();
+            DVector::from_vec(all)
+        };
+        self.clusters.iter().map(gathered).collect()
+    }
+
+    /// What noise of the rows, by block, changes in the unknowns of `columns`, by cluster, with the
+    /// body's parameters refitted.
+    fn change(&self, columns: &[DMatrix<f64>], noise: &[DVector<f64>]) -> DVector<f64> {
+        let (ac, cc, _) = self.products(columns, None);
+        let x = self.cholesky.solve(&ac);
+        let mut right = DVector::zeros(cc.ncols());
+        let mut of_body = DVector::zeros(self.right.len());
+        for ((cluster, c), e) in self.clusters.iter().zip(columns).zip(self.by_cluster(noise)) {
+            right.gemv_tr(1.0, c, &e, 1.0);
+            of_body.gemv_tr(1.0, &cluster.a, &e, 1.0);
+        }
+        pseudo_solve(&(cc - ac.tr_mul(&x)), &(right - x.tr_mul(&of_body)))
+    }
+
     /// Held-out sum of squares where the rows' measured side is noise alone, by block, and the
     /// parameters are fitted to the noise of the other clusters:
     /// `e_g − A_g M_g⁻¹ Σ_{h≠g} A_hᵀ e_h`. Rows are multiplied by `scale` before they are squared.
     pub fn refitted(&self, noise: &[DVector<f64>], scale: impl Fn(usize) -> f64) -> f64 {
-        let gathered = |c: &Cluster| {
-            let rows: Vec<f64> = c.blocks.iter().flat_map(|&i| noise[i].iter().copied()).collect();
-            DVector::from_vec(rows)
-        };
-        let errors: Vec<DVector<f64>> = self.clusters.iter().map(gathered).collect();
+        let errors = self.by_cluster(noise);
         let slopes: Vec<DVector<f64>> = self.clusters.iter().zip(&errors).map(|(c, e)| c.a.tr_mul(e)).collect();
         let all = slopes.iter().fold(DVector::zeros(self.right.len()), |s, x| s + x);
         let mut sum = 0.0;
@@ -177,11 +206,8 @@ impl Problem {
     /// The change of the scaled parameters that noise causes, as in [`refitted`](Self::refitted):
     /// from all clusters and from all but those of each trial.
     pub fn refits(&self, noise: &[DVector<f64>]) -> Refits {
-        let slope = |c: &Cluster| {
-            let rows: Vec<f64> = c.blocks.iter().flat_map(|&i| noise[i].iter().copied()).collect();
-            c.a.tr_mul(&DVector::from_vec(rows))
-        };
-        let slopes: Vec<DVector<f64>> = self.clusters.iter().map(slope).collect();
+        let errors = self.by_cluster(noise);
+        let slopes: Vec<DVector<f64>> = self.clusters.iter().zip(&errors).map(|(c, e)| c.a.tr_mul(e)).collect();
         let all = slopes.iter().fold(DVector::zeros(self.right.len()), |s, x| s + x);
         let own = |(g, (c, fold)): (usize, (&Cluster, &Fold))| (c.trial, fold.cholesky.solve(&(&all - &slopes[g])));
         Refits {

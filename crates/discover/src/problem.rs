@@ -363,7 +363,11 @@ impl Problem {
     }
 
     /// `AᵀC`, `CᵀC`, `Cᵀb` over all clusters but one.
-    fn products(&self, columns: &[DMatrix<f64>], without: Option<usize>) -> (DMatrix<f64>, DMatrix<f64>, DVector<f64>) {
+    pub(crate) fn products(
+        &self,
+        columns: &[DMatrix<f64>],
+        without: Option<usize>,
+    ) -> (DMatrix<f64>, DMatrix<f64>, DVector<f64>) {
         let (k, m) = (columns[0].ncols(), self.right.len());
         let (mut ac, mut cc, mut cb) = (DMatrix::zeros(m, k), DMatrix::zeros(k, k), DVector::zeros(k));
         for (g, (cluster, c)) in self.clusters.iter().zip(columns).enumerate() {

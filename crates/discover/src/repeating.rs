@@ -10,6 +10,10 @@
 //! maximum likelihood, with the inertial parameters and the model's effects projected out; MacKay,
 //! Neural Computation 4, 1992, 415-447), and the change of a coefficient caused by `δ` is `S⁻¹ Cᵀ D
 //! δ`, with the Gram matrix `S = CᵀC` and the columns `D` of the slides not explained by the model.
+//!
+//! The geometry of the calibrated body is the same in every trial, too. The comparison draws what
+//! the markers leave open of it ([`TrialDraws`](crate::TrialDraws)); a standard error is at least
+//! what these draws cause.
 
 use crate::candidate::{Variant, pseudo_inverse};
 use crate::options::DiscoverOptions;
@@ -18,8 +22,8 @@ use crate::rank::OVERLAP;
 use crate::result::Estimate;
 use crate::session::Session;
 use aloft_effects::{EFFECTS, Effect, Target};
-use aloft_identify::satterthwaite;
-use nalgebra::DMatrix;
+use aloft_identify::{half_of, satterthwaite};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Values of τ²/σ² that are tried, a factor of 2 apart.
@@ -75,8 +79,52 @@ fn slide_variance(problem: &Problem, slides: &[DMatrix<f64>]) -> f64 {
         .map_or(0.0, |best| best.1)
 }
 
-/// Increases the standard errors of an effect by the repeating errors: `others` are the columns of
-/// the rest of the model, `whole` those of all of it.
+/// Columns of an effect with their slopes, and what the model leaves undetermined of them.
+struct Own {
+    /// Columns `[C | ∂(Cθ)/∂p]` by cluster.
+    columns: Vec<DMatrix<f64>>,
+    /// Inverse of their Gram matrix.
+    inverse: DMatrix<f64>,
+    /// Variance that slides cause in each unknown.
+    slides: Vec<f64>,
+}
+
+impl Own {
+    fn new(
+        session: &Session<'_>,
+        domain: Domain,
+        without: &Problem,
+        complete: &Problem,
+        columns: Vec<DMatrix<f64>>,
+    ) -> Self {
+        let k = columns[0].ncols();
+        let Some(slides) = slides(session, domain) else {
+            let inverse = pseudo_inverse(&without.reduce_all(&columns).0);
+            return Self { columns, inverse, slides: vec![0.0; k] };
+        };
+        let variance = slide_variance(complete, &slides);
+        let both: Vec<DMatrix<f64>> = columns
+            .iter()
+            .zip(without.gather(&slides))
+            .map(|(c, d)| {
+                let mut wide = DMatrix::zeros(c.nrows(), k + d.ncols());
+                wide.columns_mut(0, k).copy_from(c);
+                wide.columns_mut(k, d.ncols()).copy_from(&d);
+                wide
+            })
+            .collect();
+        let (s, _) = without.reduce_all(&both);
+        let inverse = pseudo_inverse(&s.view((0, 0), (k, k)).into_owned());
+        let reach = &inverse * s.view((0, k), (k, s.ncols() - k));
+        let slides = (0..k).map(|i| variance * reach.row(i).norm_squared()).collect();
+        Self { columns, inverse, slides }
+    }
+}
+
+/// Increases the standard errors of an effect by the errors that repeat: `others` are the columns
+/// of the rest of the model, `whole` those of all of it, and `further` says for each draw what the
+/// geometry changes in the rows because the effect depends on it. The factors of the intervals go
+/// into [`Estimate::widening`], so that the model gives intervals that are as wide.
 pub(crate) fn widen(
     session: &Session<'_>,
     domain: Domain,
@@ -84,38 +132,35 @@ pub(crate) fn widen(
     whole: &[Vec<DMatrix<f64>>],
     variant: &Variant<'_>,
     (coefficients, nonlinear): (&mut [Estimate], &mut [Estimate]),
+    further: &dyn Fn(usize) -> Option<Vec<DVector<f64>>>,
     options: &DiscoverOptions,
 ) {
-    let Some(slides) = slides(session, domain) else { return };
     let new = |extra, variance| {
         Problem::with_variance(session, domain, extra, options.fewest_trials, options.prior_weight, variance)
     };
     let Ok(complete) = new(whole, None) else { return };
     // weight the prior by the residual of the complete model
     let Ok(without) = new(others, Some(complete.variance)) else { return };
-    let variance = slide_variance(&complete, &slides);
-    let theta = nalgebra::DVector::from_iterator(coefficients.len(), coefficients.iter().map(|e| e.value));
-    let Some(own) = crate::nonlinear::columns_and_slopes(session, &without, variant, &theta) else { return };
-    let k = own[0].ncols();
-    let both: Vec<DMatrix<f64>> = own
-        .iter()
-        .zip(without.gather(&slides))
-        .map(|(c, d)| {
-            let mut wide = DMatrix::zeros(c.nrows(), k + d.ncols());
-            wide.columns_mut(0, k).copy_from(c);
-            wide.columns_mut(k, d.ncols()).copy_from(&d);
-            wide
-        })
-        .collect();
-    let (s, _) = without.reduce_all(&both);
-    let inverse = pseudo_inverse(&s.view((0, 0), (k, k)).into_owned());
-    let reach = &inverse * s.view((0, k), (k, s.ncols() - k));
+    let theta = DVector::from_iterator(coefficients.len(), coefficients.iter().map(|e| e.value));
+    let Some(columns) = crate::nonlinear::columns_and_slopes(session, &without, variant, &theta) else { return };
+    let own = Own::new(session, domain, &without, &complete, columns);
+    let drawn = session.drawn_deviations(&without, &own.columns, further);
     let row = if session.prior.is_some() { OVERLAP * complete.variance } else { 0.0 };
-    for (i, e) in coefficients.iter_mut().chain(nonlinear.iter_mut()).enumerate().take(k) {
-        let repeats = variance * reach.row(i).norm_squared();
+    let estimates = coefficients.iter_mut().chain(nonlinear.iter_mut());
+    for (i, (e, repeats)) in estimates.zip(&own.slides).enumerate() {
         // the repeating part is estimated from many columns, the scatter over clusters from few
-        let own = ((e.se * e.se).max(row * inverse[(i, i)]), e.freedom);
-        let (total, freedom) = satterthwaite(&[own, (repeats, f64::INFINITY)]);
+        let seen = ((e.se * e.se).max(row * own.inverse[(i, i)]), e.freedom);
+        let drawn = drawn.as_ref().map(|(sd, freedom)| (sd[i] * sd[i], *freedom));
+        // both hold the noise; the draws also hold the geometry, the same in all recordings
+        let seen = drawn.filter(|d| d.0 > seen.0).unwrap_or(seen);
+        let (total, freedom) = satterthwaite(&[seen, (*repeats, f64::INFINITY)]);
+        let before = half_of(e.ci95);
         *e = e.clone().with_error(total.sqrt(), freedom);
+        if let (Some(before), Some(after)) = (before, half_of(e.ci95))
+            && after > before
+            && before > 0.0
+        {
+            e.widening *= after / before;
+        }
     }
 }

@@ -44,8 +44,8 @@ pub struct Estimate {
     /// determine this number.
     #[serde(default)]
     pub at_bound: bool,
-    /// Factor by which the standard error grows because nonlinear parameters were fitted as well; 1
-    /// where there are none.
+    /// Factor by which the interval grows because nonlinear parameters were fitted as well, and by
+    /// errors that are the same in all recordings; 1 where there are none.
     #[serde(default = "one")]
     #[serde(deserialize_with = "nullable")]
     pub widening: f64,

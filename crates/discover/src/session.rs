@@ -7,6 +7,7 @@
 
 use crate::DiscoverError;
 use crate::by_stages::{ByStages, Compute};
+use crate::draws::Drawn;
 use crate::held_out::HeldOutResult;
 use crate::problem::{Domain, Problem};
 use crate::progress::Counter;
@@ -103,6 +104,8 @@ pub struct Session<'a> {
     pub(crate) noise: Option<[f64; 2]>,
     /// Results of a comparison, in flight and in contact.
     pub(crate) model_error: [Option<HeldOutResult>; 2],
+    /// Draws of the errors of the recordings; empty without draws.
+    pub(crate) drawn: Arc<Drawn>,
     pub(crate) warnings: Vec<String>,
     pub(crate) counter: Counter<'a>,
     pub(crate) by_stages: ByStages<'a>,
@@ -197,6 +200,7 @@ impl<'a> Session<'a> {
             unit: [force_n, force_n * moment_length_m(body, options)],
             noise: None,
             model_error: [None; 2],
+            drawn: Arc::default(),
             counter: Counter::default(),
             by_stages: ByStages::default(),
             warnings,
@@ -353,6 +357,10 @@ impl<'a> Session<'a> {
     /// The session with the rows of some blocks only; the others keep their places, without rows.
     pub(crate) fn with_rows_of(&self, kept: &[bool]) -> Self {
         let blocks = self.blocks.iter().zip(kept).map(|(b, keep)| if *keep { b.clone() } else { b.without_rows() });
+        let of_kept = |rows: &Vec<DVector<f64>>| -> Vec<DVector<f64>> {
+            rows.iter().zip(kept).map(|(r, keep)| if *keep { r.clone() } else { DVector::zeros(0) }).collect()
+        };
+        let rows = self.drawn.rows.iter().map(of_kept).collect();
         Self {
             blocks: blocks.collect(),
             series: Arc::clone(&self.series),
@@ -360,6 +368,7 @@ impl<'a> Session<'a> {
             groups: self.groups.clone(),
             from_full: self.from_full.clone(),
             prior: self.prior.clone(),
+            drawn: Arc::new(Drawn { rows, zeros: self.drawn.zeros.clone() }),
             warnings: Vec::new(),
             counter: self.counter.clone(),
             by_stages: self.by_stages,

@@ -37,7 +37,7 @@ fn estimate(coefficients: &[Estimate]) -> String {
 }
 
 /// A positive number with this many significant digits, as the comparison shows it.
-fn digits(value: f64, n: i32) -> String {
+pub(crate) fn digits(value: f64, n: i32) -> String {
     let decimals = if value > 0.0 { n - 1 - value.log10().floor() as i32 } else { n - 1 };
     format!("{value:.*}", decimals.clamp(0, 12) as usize)
 }

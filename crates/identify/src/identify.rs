@@ -43,7 +43,8 @@ pub struct IdentifyOptions {
     /// Limits of the gate.
     pub gate: GateLimits,
     /// Factors of the standard errors of effect coefficients, by column: how much they grow because
-    /// nonlinear parameters of the effect, fixed here, were fitted to the same recordings.
+    /// nonlinear parameters of the effect, fixed here, were fitted to the same recordings, and by
+    /// errors that are the same in all recordings.
     pub widening: BTreeMap<String, f64>,
     /// Whether advice may contain turning the whole body over in the air: for objects, and for
     /// people whose protocol contains it.

@@ -20,8 +20,8 @@ pub struct ModelEffect {
     /// Trials in which it acts (for example, a payload carried in some of them); all if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub trials: Vec<String>,
-    /// How much the standard error of each coefficient grows because the nonlinear parameters were
-    /// fitted to the same recordings.
+    /// How much the interval of each coefficient grows because the nonlinear parameters were fitted
+    /// to the same recordings, and by errors that are the same in all of them.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub widening: BTreeMap<String, f64>,
     /// Centre and extent of the region that its columns refer to, m, if the discovery that found it

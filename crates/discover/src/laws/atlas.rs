@@ -4,9 +4,10 @@
 use super::evidence::{Evidence, Score};
 use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
 use super::shape::Range;
+use crate::candidate::Variant;
 use crate::problem::Problem;
 use crate::session::Session;
-use aloft_effects::{EffectFrame, Scene};
+use aloft_effects::{EffectFrame, ParameterKind, Scene, Target};
 use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
 
@@ -370,6 +371,38 @@ pub(super) fn curve_of(
     }
     let range = range_of(&values)?;
     Some((range, values.iter().map(|x| splines(x, range)).collect(), SPLINES))
+}
+
+/// A line from a point of a link to one of the room.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Line {
+    /// Index of the link.
+    pub link: usize,
+    /// Point on the link, link frame, m.
+    pub point: Vector3<f64>,
+    /// Point of the room, world, m.
+    pub anchor: Vector3<f64>,
+}
+
+impl Line {
+    /// The line along which an effect acts, if it pulls a link towards a point of the room.
+    pub fn of(scene: &Scene, variant: &Variant<'_>) -> Option<Self> {
+        let Target::Link(link) = variant.target else { return None };
+        if !variant.effect.has_wrench() {
+            return None;
+        }
+        let mut point = scene.link_com_m[link];
+        let mut anchor = [None; 3];
+        for (q, value) in variant.effect.nonlinear(scene, variant.target).iter().zip(&variant.nonlinear) {
+            match q.kind {
+                ParameterKind::PointInWorld(axis) => anchor[axis] = Some(*value),
+                ParameterKind::PointOnLink(axis) => point[axis] = *value,
+                _ => {}
+            }
+        }
+        let [Some(x), Some(y), Some(z)] = anchor else { return None };
+        Some(Self { link, point, anchor: Vector3::new(x, y, z) })
+    }
 }
 
 /// A force of a place towards a point of the room: unit wrench, and four powers of the logarithm of

@@ -132,6 +132,7 @@ fn law_of(group: &Group, shape: Shape, values: &[f64], free_point: bool) -> (Law
         factors: vec![Factor { variable, shape, range: group.range, fixed: None }],
         point: group.point,
         point_is: if free_point { PointIs::Free } else { PointIs::Given },
+        zeros: Vec::new(),
     };
     let mut start = Vec::new();
     if free_point {

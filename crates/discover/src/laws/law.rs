@@ -3,6 +3,7 @@
 
 use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
 use super::shape::{Range, Shape};
+use aloft_body::Model;
 use aloft_effects::{
     About, ActsIn, Coefficient, Columns, Effect, NonlinearParameter, ParameterKind, Scene, Series, Target,
 };
@@ -39,6 +40,9 @@ pub(crate) struct Law {
     /// Point on the link, link frame, m: start of a free point, or the point itself.
     pub point: Vector3<f64>,
     pub point_is: PointIs,
+    /// Numbers that are added to the variable of each factor; empty for none. Draws of the geometry
+    /// move the zeros of joints.
+    pub zeros: Vec<f64>,
 }
 
 /// What is known of the point.
@@ -71,6 +75,20 @@ impl Law {
     /// True if the law needs a point in the world.
     pub fn has_anchor(&self) -> bool {
         self.direction == Direction::Towards || self.factors.iter().any(Factor::is_distance)
+    }
+
+    /// The law with the zeros of its joints moved by numbers in the order of velocities; none if it
+    /// depends on no joint's angle.
+    pub fn with_zeros(&self, model: &Model, moved: &[f64]) -> Option<Self> {
+        let of = |f: &Factor| match f.variable {
+            Variable::JointAngle(link) => moved.get(model.links[link].joint.v_offset).copied(),
+            _ => None,
+        };
+        let zeros: Vec<Option<f64>> = self.factors.iter().map(of).collect();
+        zeros
+            .iter()
+            .any(Option::is_some)
+            .then(|| Self { zeros: zeros.into_iter().map(|z| z.unwrap_or(0.0)).collect(), ..self.clone() })
     }
 
     /// Splits the nonlinear parameters: point, anchor, parameters of each factor.
@@ -123,9 +141,10 @@ impl Law {
         out.clear();
         out.push(1.0);
         let mut values = [0.0; super::shape::KNOTS];
-        for (f, p) in self.factors.iter().zip(self.parameters_of(parts)) {
+        for (i, (f, p)) in self.factors.iter().zip(self.parameters_of(parts)).enumerate() {
             let n = f.shape.terms();
-            f.shape.values(f.variable.value(frame, at, anchor), p, f.range, &mut values[..n]);
+            let zero = self.zeros.get(i).copied().unwrap_or(0.0);
+            f.shape.values(f.variable.value(frame, at, anchor) + zero, p, f.range, &mut values[..n]);
             let before = out.clone();
             out.clear();
             for b in &before {

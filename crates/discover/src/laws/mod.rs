@@ -10,6 +10,7 @@
 //! | rounds | `search` | a second factor, the simplest law that is as good, and again on what remains |
 //! | contact | `with_contact` | the law that flights and contact show together |
 //! | form | `form` | whether the strength of an effect that the catalogue names follows its law |
+//! | intervals | `intervals` | those of a law, with errors that are the same in all recordings |
 //! | advice | `next` | the recording that tells a law from the next best one |
 //! | output | `formula`, `result`, `wording` | an effect of the user's own, numbers, words |
 //!
@@ -25,6 +26,7 @@ mod evidence;
 mod fit;
 mod form;
 mod formula;
+mod intervals;
 mod kinematics;
 mod law;
 mod near_joint;
@@ -39,6 +41,7 @@ mod wording;
 pub use kinematics::{Action, Carrier, Direction, Variable};
 pub use result::{Diagnosis, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Work};
 
+pub(crate) use atlas::Line;
 pub(crate) use form::misfit;
 pub(crate) use kinematics::WHOLE_BODY;
 pub(crate) use search::{Rivals, search};

@@ -1,10 +1,11 @@
 //! Rounds of the search: atlas, laws, a second factor, the simplest law that is as good, and again
 //! on what remains.
 
-use super::atlas::{Atlas, Group, PlaceFrames, atlas};
+use super::atlas::{Atlas, Group, Line, PlaceFrames, atlas};
 use super::evidence::{DRAWS, Evidence};
 use super::fit::{self, Fitted, STEPS, TRIED};
 use super::formula::is_curve;
+use super::intervals::widened;
 use super::kinematics::{Action, Carrier, Variable};
 use super::law::{Law, PointIs};
 use super::near_joint::other_links;
@@ -76,6 +77,9 @@ pub(crate) struct Rivals {
     /// True if the named effects reach the floor's interval and nothing else is held against them:
     /// any law that leaves less is stated, for the stages to compare both.
     pub within_floor: bool,
+    /// Lines towards points of the room along which effects found act: their strength may depend on
+    /// something in another way than the effect says.
+    pub lines: Vec<Line>,
     /// True if the named effects leave contact far above its floor: a law of both is stated even if
     /// it leaves up to [`IN_FLIGHT`] times their error in flight.
     pub far_in_contact: bool,
@@ -141,7 +145,13 @@ pub(crate) fn search(
         let mut of_both = false;
         let mut p = p;
         if with_plates && !until.is_over() {
-            let flights = Flights { session, problem: &problem, groups: &made.groups, law: law.as_ref() };
+            let flights = Flights {
+                session,
+                problem: &problem,
+                groups: &made.groups,
+                law: law.as_ref(),
+                lines: &catalogue.lines,
+            };
             let extra = columns_of(everywhere, accepted, &laws, Domain::Both)?;
             if let Some((better, by_chance)) = with_contact(everywhere, &extra, &flights, believed, until, options) {
                 (law, p, of_both) = (Some(better), by_chance, true);
@@ -201,7 +211,19 @@ pub(crate) fn search(
     let named = complete || (better && ratio < PART);
     let found: Vec<FoundLaw> = if named {
         let mut ids: Vec<String> = taken.iter().map(|t| (*t).to_owned()).collect();
-        laws.iter().map(|l| describe(session, &mut ids, l)).collect()
+        let describe = |(i, l): (usize, &Step)| {
+            let domain = if l.of_both { Domain::Both } else { Domain::Flight };
+            let mut others = laws.clone();
+            others.remove(i);
+            let of = |laws: &[Step]| columns_of(everywhere, accepted, laws, domain);
+            let models = of(&others).zip(of(&laws));
+            describe(session, &mut ids, l, &|estimates| {
+                if let Some((others, whole)) = &models {
+                    widened(everywhere, domain, others, whole, &l.fitted, estimates, options);
+                }
+            })
+        };
+        laws.iter().enumerate().map(describe).collect()
     } else {
         Vec::new()
     };
@@ -386,8 +408,11 @@ fn curve_of(g: &Group) -> Vec<[f64; 2]> {
     x.into_iter().zip(largest).map(|(x, y)| [x, y]).collect()
 }
 
+/// Widens the intervals of coefficients and nonlinear parameters.
+type Widen<'w> = &'w dyn Fn((&mut [Estimate], &mut [Estimate]));
+
 /// A fitted law for users.
-fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> FoundLaw {
+fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step, widen: Widen<'_>) -> FoundLaw {
     let scene = session.scene;
     let Step { fitted: f, ratio, p, also, of_both } = found;
     let mut law = f.law.clone();
@@ -405,13 +430,13 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> Found
         Estimate { name, value, se: f64::NAN, ci95: None, freedom: f64::NAN, at_bound, widening: 1.0, unit }
             .with_error(se, freedom)
     };
-    let coefficients: Vec<Estimate> = law
+    let mut coefficients: Vec<Estimate> = law
         .coefficients(scene, Target::Body)
         .into_iter()
         .enumerate()
         .map(|(i, c)| estimate(c.name, c.unit, f.theta[i], i, false))
         .collect();
-    let nonlinear: Vec<Estimate> = law
+    let mut nonlinear: Vec<Estimate> = law
         .nonlinear(scene, Target::Body)
         .into_iter()
         .zip(&f.nonlinear)
@@ -421,6 +446,7 @@ fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step) -> Found
             estimate(q.name, q.unit, *value, k + j, at_bound)
         })
         .collect();
+    widen((&mut coefficients, &mut nonlinear));
     let split = law.point_is.unknowns();
     let kind = if is_curve(&law) { LawKind::Curve } else { LawKind::Formula };
     let work = work(session, f);

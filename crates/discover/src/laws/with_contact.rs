@@ -5,10 +5,10 @@
 //! flights best are tried with every variable on the rows of both. A law of both replaces the law
 //! of the flights unless the flights contradict it.
 
-use super::atlas::{Group, POWERS, PlaceFrames, SPLINES, Towards, anchors, columns, curve_of, stride, towards};
+use super::atlas::{Group, Line, POWERS, PlaceFrames, SPLINES, Towards, anchors, columns, curve_of, stride, towards};
 use super::evidence::{DRAWS, Evidence};
 use super::fit::{self, Fitted, STEPS, TRIED, places};
-use super::kinematics::{Action, Direction, Variable};
+use super::kinematics::{Action, Carrier, Direction, Variable};
 use super::one_law::{OneLaw, one_law};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
@@ -59,6 +59,8 @@ pub(super) struct Flights<'s, 'a> {
     pub groups: &'s [Group],
     /// Law of the flights alone.
     pub law: Option<&'s OneLaw>,
+    /// Lines along which effects found in flight act.
+    pub lines: &'s [Line],
 }
 
 /// The law of flights and contact together with its probability by chance, if it leaves less than
@@ -88,6 +90,9 @@ pub(super) fn with_contact(
         }
     }
     made.extend(forces.iter().flat_map(|place| towards_every_point(session, both, &evidence, place)));
+    if let Some(like) = forces.first() {
+        made.extend(flights.lines.iter().flat_map(|line| along_line(session, both, &evidence, line, like)));
+    }
     made.sort_by(|a, b| a.score.ratio.total_cmp(&b.score.ratio));
     let best = made.first()?;
     let as_good = |draw: &usize| made.iter().any(|g| g.score.null[*draw] <= best.score.ratio);
@@ -141,6 +146,21 @@ fn towards_every_point(session: &Session<'_>, both: &Problem, evidence: &Evidenc
         scored(session, both, evidence, &unit, &weight, POWERS, entry)
     };
     anchors(session.scene, &frames).into_par_iter().filter_map(of).collect()
+}
+
+/// Entries of a force along a line, with powers of the distance and a free curve of each variable.
+/// `like` is any entry of a force.
+fn along_line(session: &Session<'_>, both: &Problem, evidence: &Evidence, line: &Line, like: &Group) -> Vec<Group> {
+    let (carrier, point, anchor) = (Carrier::Link(line.link), line.point, line.anchor);
+    let frames = PlaceFrames::new(session, carrier, &point);
+    let at = Group { carrier, point, anchor, direction: Direction::Towards, components: vec![0], ..like.clone() };
+    let of_distance = towards(&frames, &anchor).and_then(|Towards { unit, weight, range }| {
+        let entry = Group { variable: Variable::Distance, range, frequency: None, second: None, ..at.clone() };
+        scored(session, both, evidence, &unit, &weight, POWERS, entry)
+    });
+    let mut out = with_every_variable(session, both, evidence, &at);
+    out.extend(of_distance);
+    out
 }
 
 /// An entry with its score on the rows of both; `None` if its columns are not finite or not seen.
