@@ -25,10 +25,7 @@ pub fn laws(found: &OpenWorld) -> Result<(), Stop> {
     for law in &found.laws {
         one(law)?;
     }
-    out(labelled(
-        "  ±: ",
-        "95 %, for this law: errors of the body's geometry are in it, the choice of the law is not",
-    ))?;
+    out(labelled("  ±: ", "95 % interval if this law is the right one"))?;
     if let Some(times) = found.times_floor_after {
         let it = if found.laws.len() == 1 { "it" } else { "them" };
         let words = format!(

@@ -87,7 +87,7 @@ pub(crate) fn look_beyond(
     if let Some([Some(s), _]) = &staged {
         open.judged_by_stages(s);
     }
-    // laws that contact refuses are none
+    // a law that contact refuses is not stated
     let of_law = open.laws.first().filter(|_| open.complete).map(|l| l.id.clone());
     let with = staged.and_then(|s| s[1]);
     let refused = of_law.and_then(|id| Refused::by_stages(&id, &id, session.model_error[1], with));

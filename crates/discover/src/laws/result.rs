@@ -82,9 +82,9 @@ pub struct FoundLaw {
     /// Point on the link, link frame, m, with its standard errors; empty for a couple, the whole
     /// body, or the link's centre of mass.
     pub point: Vec<Estimate>,
-    /// Linear unknowns. Their intervals are for this law: the spread between recordings and what
-    /// is the same in all of them (soft tissue, the geometry of the calibrated body) are in them,
-    /// the choice of the law is not.
+    /// Linear unknowns. Their intervals hold if this law is the right one. They contain the spread
+    /// between recordings and, where the comparison drew errors, the geometry of the calibrated
+    /// body.
     pub coefficients: Vec<Estimate>,
     /// Nonlinear unknowns that the formulas name, with intervals of the same kind.
     pub parameters: Vec<Estimate>,
