@@ -94,6 +94,7 @@ class Laboratories:
         self.pipeline = ROOT / f"pipelines/{args.body}.yaml"
         self.out, self.lock = Path(args.out), threading.Lock()
         self.places = OrderedDict()
+        self.kept = Path(args.keep) if getattr(args, "keep", None) else None
         self.out.mkdir(parents=True, exist_ok=True)
         self.digest = hashlib.sha256(Path(self.aloft).read_bytes()).hexdigest()[:12]
 
@@ -137,9 +138,11 @@ class Laboratories:
             raise RuntimeError(f"no comparison in {judged_on}")
         return errors[judged_on]
 
-    def ask(self, scenarios, seed, judged_on="flight", options=()):
-        """The program's answer: a line for `sets.jsonl`."""
-        _folder, at = self.processed(scenarios, seed)
+    def ask(self, name, scenarios, seed, judged_on="flight", options=()):
+        """The program's answer: a line for `sets.jsonl`. With `--keep` the recordings stay in a folder of the set's name."""
+        folder, at = self.processed(scenarios, seed)
+        if self.kept:
+            shutil.copytree(folder.name, self.kept / name, dirs_exist_ok=True)
         error, floor = self.held_out(at)[judged_on]
         start = time.time()
         done = call(self.aloft, "discover", self.pipeline, *at, "--json", *options)
@@ -150,6 +153,7 @@ class Laboratories:
         if kept["open"]:
             kept["open"] = {**kept["open"], "atlas": (kept["open"].get("atlas") or [])[:5]}
         kept["found"] = [f["key"] for f in found.get("found", [])]
+        kept["also_on"] = {f["key"]: f.get("also_on", []) for f in found.get("found", [])}
         kept["estimates"] = {f"{f['key']}.{c['name']}": [c["value"], *(c["ci95"] or [None, None])] for f in found.get("found", []) for c in f["coefficients"]}
         return {"held_out": error, "floor": floor, "discover_s": round(time.time() - start, 2), "answer": kept}
 

@@ -117,7 +117,7 @@ class Bench(Laboratories):
         line = {"set": name, "body": self.kind, "program": self.digest, **of}
         start = time.time()
         try:
-            line |= self.ask(laboratory(where, hidden), seed)
+            line |= self.ask(name, laboratory(where, hidden), seed)
         except (RuntimeError, ValueError, KeyError) as problem:
             line["problem"] = str(problem)[-500:]
         line["seconds"] = round(time.time() - start, 1)
@@ -239,6 +239,7 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out")
+    parser.add_argument("--keep", metavar="FOLDER", help="keep the recordings and workspace of each set in this folder")
     parser.add_argument("--from", dest="origin", help="take laws and their scales from this folder")
     parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
     parser.add_argument("--list", action="store_true", help="only print the laws drawn")

@@ -162,6 +162,15 @@ def true_values(hidden):
     return out
 
 
+def true_links(hidden):
+    """Links on which each hidden effect acts."""
+    out = {}
+    for h in hidden:
+        if "link" in h:
+            out.setdefault(h["effect"], []).append(h["link"])
+    return out
+
+
 def tilted(entry):
     """Horizontal components of a tilted gravity, m/s²."""
     x, y = math.radians(entry["about_x_deg"]), math.radians(entry["about_y_deg"])
@@ -213,7 +222,7 @@ class Bench(Laboratories):
             if name not in done:
                 of = {k: line[k] for k in ("index", "case", "kind", "truth", "twin", "judged_on", "seed")}
                 scenarios = at(line["sizes"][str(wanted)][0])
-                of |= {"strength": wanted, "true_values": true_values(scenarios[0][1])}
+                of |= {"strength": wanted, "true_values": true_values(scenarios[0][1]), "links": true_links(scenarios[0][1])}
                 self.answer(name, of, scenarios, line["seed"], line["judged_on"])
 
     def empty(self, index, done):
@@ -227,7 +236,7 @@ class Bench(Laboratories):
         line = {"set": name, "body": self.kind, "program": self.digest, **of}
         start = time.time()
         try:
-            line |= self.ask(scenarios, seed, judged_on)
+            line |= self.ask(name, scenarios, seed, judged_on)
         except (RuntimeError, ValueError, KeyError) as problem:
             line["problem"] = str(problem)[-500:]
         line["seconds"] = round(time.time() - start, 1)
@@ -292,9 +301,26 @@ def score(folders):
         times_s = sorted(line["discover_s"] for line in of_body if "discover_s" in line)
         unusable = sum("answer" not in line for line in of_body)
         intervals(hidden)
+        links(hidden)
         if times_s:
             print(f"\ndiscover: median {times_s[len(times_s) // 2]:.1f} s, longest {times_s[-1]:.1f} s; not usable: {unusable}; "
                   f"strength off by more than {TOLERANCE:.0%}: {', '.join(off) or 'none'}")
+
+
+def links(lines):
+    """How often the link of an effect that was named rightly is one on which it acts: the stated one, or one said to be as good."""
+    stated, among, others = [], [], []
+    for line in lines:
+        known, also_on = line.get("links") or {}, (line.get("answer") or {}).get("also_on") or {}
+        for key, further in also_on.items():
+            effect, _, link = key.rstrip("]").partition("[")
+            if effect in known and link:
+                stated.append(link in known[effect])
+                among.append(bool({link, *further} & set(known[effect])))
+                others.append(len(further))
+    if stated:
+        print(f"\nlinks of effects that act: the stated one right {interval(sum(stated), len(stated))} of {len(stated)}, among the stated and those said to be "
+              f"as good {interval(sum(among), len(among))}; of those {sum(others) / len(others):.1f} a time, at most {max(others)}")
 
 
 def intervals(lines):
@@ -324,6 +350,7 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out")
+    parser.add_argument("--keep", metavar="FOLDER", help="keep the recordings and workspace of each set in this folder")
     parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
     args = parser.parse_args()
     if args.score:

@@ -100,7 +100,7 @@ def recordings(aloft, scenarios, seed, entry):
     """Features and targets of every recording with flights, in the order of names."""
     bench = laboratory.Laboratories(argparse.Namespace(aloft=aloft, body="chain", seed=0, out=tempfile.gettempdir()))
     with tempfile.TemporaryDirectory() as folder:
-        at = bench.processed(Path(folder), scenarios, seed)
+        _data, at = bench.processed(scenarios, seed)
         out = Path(folder) / "export"
         done = laboratory.call(aloft, "export", bench.pipeline, *at, "--to", out, "--format", "csv")
         if done.returncode:

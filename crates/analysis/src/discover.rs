@@ -19,6 +19,7 @@ use aloft_flight::{FlightReport, PlateTare, TareSource};
 use aloft_identify::{EffectEstimate, LinkPrior, Prior};
 use aloft_pipeline::graph::results_hash;
 use aloft_pipeline::stages::below_weak_rows;
+use aloft_pipeline::stages::compare::floor_spread;
 use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::WeakOptions;
 use aloft_study::calendar::Calendar;
@@ -212,7 +213,8 @@ impl Evidence {
             })
             .collect();
         let rows: Vec<ContactRows<'_>> = contact.iter().map(|(trial, rows)| ContactRows { trial, rows }).collect();
-        let prepared = prepared.with_draws(&borrowed, &rows);
+        let spread = floor_spread(session.object.is_some());
+        let prepared = prepared.with_draws(&borrowed, &rows, spread);
         with(&RankingInputs { session: prepared, effects: known.all(), accepted })
     }
 }

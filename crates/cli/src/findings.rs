@@ -90,6 +90,9 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
         if !found.trials.is_empty() {
             out(labelled("  acts in ", &names(&found.trials)))?;
         }
+        if let Some(words) = found.other_links() {
+            out(labelled("  link not certain: ", &words))?;
+        }
     }
     if let Some(j) = &d.joints {
         joints(j, details)?;

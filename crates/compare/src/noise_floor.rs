@@ -47,9 +47,6 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// Degrees of freedom beyond which Student's t is normal.
-const MOST_FREEDOM: f64 = 1e6;
-
 /// The floor over the windows of one kind of motion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Floor {
@@ -83,14 +80,9 @@ impl Floor {
         let middle = |of: &dyn Fn(&WindowErrors) -> f64| (each.iter().map(|e| of(e).ln()).sum::<f64>() / n).exp();
         let noise_floor = middle(&WindowErrors::size);
         let logs: Vec<f64> = each.iter().map(|e| e.size().ln()).collect();
-        let mean = noise_floor.ln();
-        let variance = logs.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        // prediction interval of a new set of recordings given the mean of n of them; degrees of
-        // freedom of the sum by Satterthwaite
-        let predicted = variance * (1.0 + 1.0 / n);
-        let total = predicted + spread * spread;
-        let freedom = (n - 1.0) * (total / predicted).powi(2);
-        let reach = (aloft_signal::t975(freedom.min(MOST_FREEDOM)) * total.sqrt()).exp();
+        // prediction interval of a new set of recordings given the mean of n of them
+        let (_, reach) = aloft_signal::one_more(&logs, spread)?;
+        let reach = reach.exp();
         let ci95 = reach.is_finite().then(|| [noise_floor / reach, noise_floor * reach]);
         Some(Self {
             noise_floor,

@@ -10,6 +10,7 @@ use crate::judge::AtFloor;
 use crate::ladder::{Refit, as_found, extra_columns, key_of, prune, refit_found, to_build_on};
 use crate::limits::limit;
 use crate::not_tried::not_tried;
+use crate::on_which_link::name_other_links;
 use crate::options::DiscoverOptions;
 use crate::pairs::{Search, better_pair, pair_alone, pair_as_good};
 use crate::problem::{Domain, Problem};
@@ -247,11 +248,20 @@ fn without_refused(
                     (a, b, error, ids)
                 })
                 .or_else(|| {
-                    if !(kept.is_empty() && round.clusters >= FEWEST_CLUSTERS && remains.is_some_and(|s| s.is_far())) {
+                    // where the plates show in which trials something was carried, loads on two
+                    // links are tried with less error left, too
+                    let carried = domain == Domain::Flight && session.shows_loads_on_plates();
+                    let far = remains.is_some_and(|s| s.is_far());
+                    let tried = far || (carried && remains.is_some_and(|s| s.is_above()));
+                    if !(kept.is_empty() && round.clusters >= FEWEST_CLUSTERS && tried) {
                         return None;
                     }
-                    let usable: Vec<bool> =
-                        scores.iter().map(|s| !s.placebo && limit(s.effect, false, options) > 0.0).collect();
+                    let usable: Vec<bool> = scores
+                        .iter()
+                        .map(|s| !s.placebo && limit(s.effect, false, options) > 0.0)
+                        .zip(scores.iter().map(|s| far || s.effect.about().by_group))
+                        .map(|(usable, asked)| usable && asked)
+                        .collect();
                     let any = pair_alone(session, &problem, &scores, &usable, &refit)?;
                     // an effect that contains another one counts only if it does better
                     let wider = |i: usize| {
@@ -366,6 +376,7 @@ fn without_refused(
         after = joint.map_or(after, |p| p.plain());
     }
     widen_found(session, accepted, &kept, &mut found, options);
+    name_other_links(session, accepted, &kept, &mut found, options);
     let made = RoundResults { rounds, found, kept, contradicted, left_out, errors: [before, after], has_flights };
     Ok(conclude(session, effects, accepted, made, until, options))
 }

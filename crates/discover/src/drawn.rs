@@ -19,14 +19,16 @@ impl Session<'_> {
     /// from them up to which error they account for the held-out error
     /// ([`HeldOutResult::by_parameters`](crate::HeldOutResult::by_parameters)). The parameters are
     /// fitted to the errors of the flights of the other recordings, as they are fitted to the data,
-    /// and the prior is wrong by its own covariance. The result is the geometric mean over the
-    /// draws and the upper end of the prediction interval for one more. `contact` are the rows of
+    /// and the prior is wrong by its own covariance. The result is the upper end of the
+    /// prediction interval for one more draw; `spread` is the standard deviation by which the
+    /// errors of single bodies differ besides (logarithm; 0 for objects, see
+    /// `CompareOptions::floor_spread` of the comparison). `contact` are the rows of
     /// the windows in contact, for which it is computed, too; without them only for flights. Needs
     /// [`with_model_error`](Self::with_model_error) before; trials without draws change nothing.
     #[must_use]
-    pub fn with_draws(mut self, draws: &[TrialDraws<'_>], contact: &[ContactRows<'_>]) -> Self {
+    pub fn with_draws(mut self, draws: &[TrialDraws<'_>], contact: &[ContactRows<'_>], spread: f64) -> Self {
         self.drawn = Arc::new(Drawn { rows: self.drawn_rows(draws), zeros: mean_zeros(draws) });
-        let by_parameters = self.by_parameters(draws, contact).unwrap_or_default();
+        let by_parameters = self.by_parameters(draws, contact, spread).unwrap_or_default();
         for (result, by_parameters) in self.model_error.iter_mut().zip(by_parameters) {
             if let Some(result) = result {
                 result.by_parameters = by_parameters;
@@ -36,7 +38,12 @@ impl Session<'_> {
     }
 
     /// The same in flight and in contact.
-    fn by_parameters(&self, draws: &[TrialDraws<'_>], contact: &[ContactRows<'_>]) -> Option<[Option<f64>; 2]> {
+    fn by_parameters(
+        &self,
+        draws: &[TrialDraws<'_>],
+        contact: &[ContactRows<'_>],
+        spread: f64,
+    ) -> Option<[Option<f64>; 2]> {
         /// A recording is predicted from the others, as in the comparison.
         const FEWEST_TRIALS: usize = 2;
         // The prior weighs as in the fit to the data. An effect that the model lacks makes the rows
@@ -52,7 +59,8 @@ impl Session<'_> {
         let prior = problem.prior_error(newtons);
         let rows = &self.drawn.rows;
         let flight: Vec<f64> = rows.iter().map(|r| (problem.refitted(r, newtons) + prior) / windows).collect();
-        Some([most_of(&flight), most_of(&self.contact_squares(&problem, rows, draws, contact))])
+        let in_contact = self.contact_squares(&problem, rows, draws, contact);
+        Some([most_of(&flight, spread), most_of(&in_contact, spread)])
     }
 
     /// Mean square in contact of each draw, N².
@@ -248,12 +256,10 @@ impl Problem {
     }
 }
 
-/// From mean squares of draws: the geometric mean of their roots and the upper end of the
-/// prediction interval for one more.
-fn most_of(squares: &[f64]) -> Option<f64> {
+/// From mean squares of draws: the upper end of the prediction interval of the root of one more.
+/// `spread` is what one set of recordings differs from the draws by (logarithm).
+fn most_of(squares: &[f64], spread: f64) -> Option<f64> {
     let logs: Vec<f64> = squares.iter().map(|s| 0.5 * s.ln()).collect();
-    let n = logs.len() as f64;
-    let (mean, deviation) = aloft_signal::mean_and_deviation(&logs)?;
-    let reach = aloft_identify::interval::t975(n - 1.0) * deviation * (1.0 + 1.0 / n).sqrt();
+    let (mean, reach) = aloft_signal::one_more(&logs, spread)?;
     Some((mean + reach).exp()).filter(|error| error.is_finite())
 }

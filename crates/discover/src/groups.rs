@@ -7,7 +7,8 @@
 //! divided into two sets so that one common change in the first set removes most of the error.
 
 use crate::candidate::{Variant, pseudo_inverse};
-use crate::problem::Problem;
+use crate::problem::{Cluster, Domain, Problem};
+use crate::rank::OVERLAP;
 use crate::session::Session;
 use aloft_effects::{Effect, ParameterKind, Target};
 use nalgebra::{DMatrix, DVector};
@@ -21,6 +22,16 @@ const ALL_DIVISIONS: usize = 10;
 /// Gain of a load over that of something taken away in the other trials from which the load is
 /// preferred on a person.
 const LOAD_GAIN: f64 = 0.7;
+/// Difference between the masses of two sets of trials on the plates, in standard errors, from
+/// which the sets count as clear; the best of all cuts through values that do not differ reaches
+/// three of ten and four of 25 trials.
+const CLEARLY: f64 = 5.0;
+/// Share of the scatter between trials that may remain within the two sets: it is 0.36 for the best
+/// cut through a normal distribution, and 0.2 for two whose means are four deviations apart.
+const WITHIN: f64 = 0.2;
+/// Twice the logarithm of the likelihood ratio from which a trial belongs to one of two sets: 20 to
+/// one.
+const TOLD: f64 = 6.0;
 /// Displacement of the place in the derivatives, m.
 const STEP_M: f64 = 0.1;
 
@@ -37,9 +48,8 @@ pub(crate) fn group(
     if session.groups.iter().any(Option::is_some) {
         return session.loaded();
     }
-    let mut trials: Vec<usize> = problem.clusters.iter().map(|c| c.trial).collect();
-    trials.sort_unstable();
-    trials.dedup();
+    let on_plates = session.loaded_on_plates(effect, targets);
+    let trials = trials_of(problem);
     if trials.len() < 2 * FEWEST {
         return None;
     }
@@ -49,6 +59,11 @@ pub(crate) fn group(
             let start = effect.starts(session.scene, target).into_iter().next()?;
             let variant = Variant::new(session, effect, target, start);
             let by_trial = Division::new(session, problem, &variant, &trials)?;
+            if let Some(shown) = &on_plates {
+                let shown: Vec<Option<bool>> = trials.iter().map(|&t| shown[t]).collect();
+                let acts = by_trial.best_with(&shown);
+                return Some((by_trial.gain(&acts).0, acts));
+            }
             let best = if trials.len() <= ALL_DIVISIONS { by_trial.best_of_all() } else { by_trial.best_by_moves() }?;
             // a prior hardly tells a load in some trials from something taken away in the others
             let others: Vec<bool> = best.iter().map(|acts| !acts).collect();
@@ -61,6 +76,90 @@ pub(crate) fn group(
     let mut mask = vec![false; session.trials.len()];
     trials.iter().zip(&chosen).for_each(|(&t, &acts)| mask[t] = acts);
     Some(mask)
+}
+
+impl Session<'_> {
+    /// For each trial, whether the plates measure the larger of two clearly different masses; none
+    /// for trials in which they do not tell. The plates tell the mass of what is carried, and
+    /// flights hardly do.
+    fn loaded_on_plates(&self, effect: &dyn Effect, targets: &[Target]) -> Option<Vec<Option<bool>>> {
+        let find = || -> Option<Vec<Option<bool>>> {
+            let first = *targets.first()?;
+            let problem = Problem::new(self, Domain::Contact, &[], FEWEST, 1.0).ok()?;
+            let trials = trials_of(&problem);
+            let start = effect.starts(self.scene, first).into_iter().next()?;
+            let columns = Variant::new(self, effect, first, start).columns(self, &problem)?;
+            let (s, c) = problem.reduce_all(&by_trial(&problem, &[columns], &trials));
+            let mass = pseudo_inverse(&s) * &c;
+            let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
+            let variance = OVERLAP * (problem.rss - c.dot(&mass)).max(0.0) / n_rows;
+            let weights: Vec<f64> = (0..trials.len()).map(|i| s[(i, i)] / variance).collect();
+            let heavier = heavier(mass.as_slice(), &weights)?;
+            let mut told = vec![None; self.trials.len()];
+            trials.iter().zip(heavier).for_each(|(&t, is)| told[t] = is);
+            Some(told)
+        };
+        self.on_plates.get_or_init(find).clone()
+    }
+
+    /// True if the plates were asked and showed in which trials something was carried.
+    pub(crate) fn shows_loads_on_plates(&self) -> bool {
+        self.on_plates.get().is_some_and(Option::is_some)
+    }
+}
+
+/// The larger of values that fall into two clear sets: those between which the scatter is largest,
+/// with `weights` one over the variance of each. `None` if the means do not differ by
+/// [`CLEARLY`] standard errors, if the scatter within the sets is too large a share, or if a set
+/// rests on less than two values; none for a value that is as near to the other mean as its error
+/// tells.
+fn heavier(values: &[f64], weights: &[f64]) -> Option<Vec<Option<bool>>> {
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let sum = |of: &[usize], f: &dyn Fn(usize) -> f64| of.iter().map(|&i| f(i)).sum::<f64>();
+    let weight = |of: &[usize]| sum(of, &|i| weights[i]);
+    let mean = |of: &[usize]| sum(of, &|i| weights[i] * values[i]) / weight(of);
+    let scatter = |of: &[usize]| sum(of, &|i| weights[i] * (values[i] - mean(of)).powi(2));
+    let rests_on = |of: &[usize]| weight(of).powi(2) / sum(of, &|i| weights[i].powi(2));
+    let all = scatter(&order);
+    let (within, cut) = (1..order.len())
+        .filter(|&cut| [&order[..cut], &order[cut..]].iter().all(|of| rests_on(of) > FEWEST as f64 - 0.5))
+        .map(|cut| (scatter(&order[..cut]) + scatter(&order[cut..]), cut))
+        .min_by(|a, b| a.0.total_cmp(&b.0))?;
+    if all - within < CLEARLY * CLEARLY || within > WITHIN * all {
+        return None;
+    }
+    let (lower, upper) = (mean(&order[..cut]), mean(&order[cut..]));
+    let told = |(x, w): (&f64, &f64)| {
+        // difference of the squared distances in standard errors
+        let nearer = w * ((x - lower).powi(2) - (x - upper).powi(2));
+        (nearer.abs() > TOLD).then_some(nearer > 0.0)
+    };
+    Some(values.iter().zip(weights).map(told).collect())
+}
+
+/// Trials of a problem, each once.
+fn trials_of(problem: &Problem) -> Vec<usize> {
+    let mut trials: Vec<usize> = problem.clusters.iter().map(|c| c.trial).collect();
+    trials.sort_unstable();
+    trials.dedup();
+    trials
+}
+
+/// Columns of a change for each trial, by cluster: those of `parts` for the first trial, for the
+/// second …
+fn by_trial(problem: &Problem, parts: &[Vec<DMatrix<f64>>], trials: &[usize]) -> Vec<DMatrix<f64>> {
+    let k = parts.len();
+    let of_cluster = |(g, cluster): (usize, &Cluster)| {
+        let mut out = DMatrix::zeros(cluster.a.nrows(), k * trials.len());
+        if let Some(t) = trials.iter().position(|t| *t == cluster.trial) {
+            for (j, part) in parts.iter().enumerate() {
+                out.set_column(k * t + j, &part[g].column(0));
+            }
+        }
+        out
+    };
+    problem.clusters.iter().enumerate().map(of_cluster).collect()
 }
 
 /// Normal equations of one change for each trial.
@@ -87,21 +186,7 @@ impl Division {
             parts.push(ahead.iter().zip(&behind).map(|(a, b)| (a - b) / (2.0 * STEP_M)).collect());
         }
         let k = parts.len();
-        let wide: Vec<DMatrix<f64>> = problem
-            .clusters
-            .iter()
-            .enumerate()
-            .map(|(g, cluster)| {
-                let mut out = DMatrix::zeros(parts[0][g].nrows(), k * trials.len());
-                if let Some(t) = trials.iter().position(|t| *t == cluster.trial) {
-                    for (j, part) in parts.iter().enumerate() {
-                        out.set_column(k * t + j, &part[g].column(0));
-                    }
-                }
-                out
-            })
-            .collect();
-        let (s, c) = problem.reduce_all(&wide);
+        let (s, c) = problem.reduce_all(&by_trial(problem, &parts, trials));
         Some(Self { trials: trials.len(), unknowns: k, s, c })
     }
 
@@ -141,6 +226,20 @@ impl Division {
             .map(|bits| (0..self.trials).map(|t| bits >> t & 1 == 1).collect::<Vec<bool>>())
             .filter(|acts| self.is_allowed(acts))
             .fold(None, |best, acts| self.better(best, acts))
+    }
+
+    /// The division in which the trials that are `told` act or do not, and the others act where that
+    /// gains.
+    fn best_with(&self, told: &[Option<bool>]) -> Vec<bool> {
+        let mut acts: Vec<bool> = told.iter().map(|t| t.unwrap_or(false)).collect();
+        for t in (0..self.trials).filter(|&t| told[t].is_none()) {
+            let mut with = acts.clone();
+            with[t] = true;
+            if self.gain(&with).0 > self.gain(&acts).0 {
+                acts = with;
+            }
+        }
+        acts
     }
 
     /// Starts with the largest gaps between the changes of single trials, one for each unknown, and
@@ -205,6 +304,34 @@ mod tests {
         }
         let many: Vec<bool> = (0..14).map(|t| t % 3 == 0).collect();
         assert_eq!(division(&many, [0.2, 1.0]).best_by_moves().unwrap(), many);
+    }
+
+    #[test]
+    fn the_heavier_of_two_clear_sets_are_found() {
+        let masses = [0.61, 0.23, 0.49, 0.20, 0.53, 0.17, 0.48, 0.19, 5.0];
+        let mut weights = [1.0 / 0.06_f64.powi(2); 9];
+        // a trial that hardly determines its mass says nothing
+        weights[8] = 1e-4;
+        let found = heavier(&masses, &weights).unwrap();
+        assert_eq!(found[..8], [true, false, true, false, true, false, true, false].map(Some));
+        assert_eq!(found[8], None);
+        // the same masses as far as their errors tell
+        assert_eq!(heavier(&masses, &weights.map(|w| w / 16.0)), None);
+        // evenly spread
+        assert_eq!(heavier(&[0.1, 0.2, 0.3, 0.4, 0.5, 0.6], &[1e4; 6]), None);
+        // one trial apart from the others
+        assert_eq!(heavier(&[0.1, 0.11, 0.12, 0.1, 0.9], &[1e4; 5]), None);
+        assert_eq!(heavier(&[], &[]), None);
+    }
+
+    #[test]
+    fn trials_that_the_plates_do_not_tell_are_divided_by_the_flights() {
+        let truth = [true, true, false, false, false, true, false];
+        let d = division(&truth, [0.5, 1.0]);
+        let told = [Some(true), None, Some(false), Some(false), None, Some(true), Some(false)];
+        assert_eq!(d.best_with(&told), truth);
+        // what the plates tell stands
+        assert_eq!(d.best_with(&truth.map(|t| Some(!t))), truth.map(|t| !t));
     }
 
     #[test]

@@ -297,5 +297,6 @@ pub(crate) fn as_found(session: &Session<'_>, scored: &Scored<'_>) -> Found {
         nonlinear,
         coefficients,
         trials: group_names(session, scored),
+        also_on: Vec::new(),
     }
 }

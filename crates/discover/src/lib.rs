@@ -77,6 +77,7 @@ mod laws;
 mod limits;
 mod nonlinear;
 mod not_tried;
+mod on_which_link;
 mod only_as_limit;
 mod options;
 mod pairs;

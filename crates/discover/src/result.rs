@@ -373,9 +373,19 @@ pub struct Found {
     pub coefficients: Vec<Estimate>,
     /// Trials in which a group effect acts; empty for all.
     pub trials: Vec<String>,
+    /// Other links on which the effect explains as much, best first: the recordings leave open on
+    /// which of them it acts.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub also_on: Vec<String>,
 }
 
 impl Found {
+    /// Other links on which it explains as much, in words; none if the recordings tell its link.
+    pub fn other_links(&self) -> Option<String> {
+        let names: Vec<String> = self.also_on.iter().map(|name| format!("`{name}`")).collect();
+        (!names.is_empty()).then(|| format!("on {} it explains as much", names.join(" or ")))
+    }
+
     /// True if both put the same effect into a model, whatever its coefficients are estimated at.
     pub fn is_same_effect(&self, other: &Self) -> bool {
         let values = |f: &Self| f.nonlinear.iter().map(|e| e.value.to_bits()).collect::<Vec<_>>();

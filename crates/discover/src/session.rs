@@ -18,7 +18,7 @@ use aloft_regressor::weak_windows::{Origin, WeakRows, force_scale_n};
 use aloft_regressor::{Acting, RegressorError, Stretch, StretchKind, WeakOptions, weak_rows};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rayon::prelude::*;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// One trial as delivered by the earlier stages.
 #[derive(Debug, Clone, Copy)]
@@ -106,6 +106,8 @@ pub struct Session<'a> {
     pub(crate) model_error: [Option<HeldOutResult>; 2],
     /// Draws of the errors of the recordings; empty without draws.
     pub(crate) drawn: Arc<Drawn>,
+    /// What the plates tell of loads in each trial, once it was asked for.
+    pub(crate) on_plates: Arc<OnceLock<Option<Vec<Option<bool>>>>>,
     pub(crate) warnings: Vec<String>,
     pub(crate) counter: Counter<'a>,
     pub(crate) by_stages: ByStages<'a>,
@@ -203,6 +205,7 @@ impl<'a> Session<'a> {
             drawn: Arc::default(),
             counter: Counter::default(),
             by_stages: ByStages::default(),
+            on_plates: Arc::default(),
             warnings,
         };
         out.noise = crate::floor::white_noise(body, trials, options, &out.blocks);
@@ -369,6 +372,7 @@ impl<'a> Session<'a> {
             from_full: self.from_full.clone(),
             prior: self.prior.clone(),
             drawn: Arc::new(Drawn { rows, zeros: self.drawn.zeros.clone() }),
+            on_plates: Arc::clone(&self.on_plates),
             warnings: Vec::new(),
             counter: self.counter.clone(),
             by_stages: self.by_stages,

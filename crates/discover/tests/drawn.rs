@@ -84,7 +84,7 @@ fn find(law: Option<&FormulaEffect>, effect: Option<(&str, &[f64])>, drawn: Opti
             errors: &errors,
             zeros: &zeros,
         };
-        session = session.with_draws(&[draws], &[]);
+        session = session.with_draws(&[draws], &[], 0.0);
     }
     (discover(&session, &catalogue(), &[], &quick).unwrap(), truth.mass())
 }

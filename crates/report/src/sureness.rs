@@ -41,12 +41,13 @@ fn described(key: &str, d: &Discovery) -> String {
     let of = |c: &aloft_discover::Estimate| {
         format!("{} {} {}", c.name.replace('_', " "), plus_minus(c.value, c.ci95), unit(&c.unit))
     };
-    let coefficients: Vec<String> =
-        d.found.iter().find(|f| f.key == key).map_or(Vec::new(), |f| f.coefficients.iter().take(2).map(of).collect());
+    let its = d.found.iter().find(|f| f.key == key);
+    let coefficients: Vec<String> = its.map_or(Vec::new(), |f| f.coefficients.iter().take(2).map(of).collect());
+    let links = its.and_then(aloft_discover::Found::other_links).map_or(String::new(), |words| format!(" ({words})"));
     if coefficients.is_empty() {
-        format!("`{key}`")
+        format!("`{key}`{links}")
     } else {
-        format!("`{key}`: {}", coefficients.join(", ").trim_end().to_owned())
+        format!("`{key}`: {}{links}", coefficients.join(", ").trim_end())
     }
 }
 

@@ -38,7 +38,7 @@ mod student;
 
 pub use butterworth::{Butterworth, CutoffCorrection, DesignError, FilterFacts, LowPass, Section};
 pub use derivative::derivatives;
-pub use order::{mean_and_deviation, median, median_and_deviation, quantile_of_sorted, upper_median};
+pub use order::{mean_and_deviation, median, median_and_deviation, one_more, quantile_of_sorted, upper_median};
 pub use resample::{Interpolation, filter_and_resample, resample};
 pub use residual_analysis::{ResidualAnalysis, residual_analysis};
 pub use runs::{finite_runs, runs_where};

@@ -4,6 +4,8 @@
 //! the two middle values, [`upper_median`] the upper one of them, which is always a value of the
 //! sample.
 
+use crate::student::t975;
+
 /// Median of finite values: the mean of the two middle ones if their number is even; NaN without
 /// values. Reorders the slice.
 pub fn median(values: &mut [f64]) -> f64 {
@@ -47,6 +49,21 @@ pub fn mean_and_deviation(values: &[f64]) -> Option<(f64, f64)> {
     (n > 0.0).then(|| (mean, if n > 1.0 { (square / (n - 1.0)).sqrt() } else { f64::NAN }))
 }
 
+/// Mean of a sample, and how far from it one more value may lie: half the 95 % prediction interval
+/// of a normal distribution. `further` is a standard deviation by which the new value varies and
+/// the sample does not; the degrees of freedom of the sum are Satterthwaite's. `None` without
+/// values; with one value, infinite or NaN.
+pub fn one_more(values: &[f64], further: f64) -> Option<(f64, f64)> {
+    /// Degrees of freedom beyond which Student's t is normal.
+    const MOST_FREEDOM: f64 = 1e6;
+    let n = values.len() as f64;
+    let (mean, deviation) = mean_and_deviation(values)?;
+    let predicted = deviation.powi(2) * (1.0 + 1.0 / n);
+    let total = predicted + further * further;
+    let freedom = (n - 1.0) * (total / predicted).powi(2);
+    Some((mean, t975(freedom.min(MOST_FREEDOM)) * total.sqrt()))
+}
+
 /// The value below which `part` of `of` equal parts of an ascending sample lie, rounded down to a
 /// value of the sample; `None` without values.
 pub fn quantile_of_sorted(sorted: &[f64], part: usize, of: usize) -> Option<f64> {
@@ -69,6 +86,18 @@ mod tests {
         assert_eq!(median_and_deviation(&mut vec![f64::NAN]), None);
         assert_eq!(quantile_of_sorted(&[1.0, 2.0, 3.0, 4.0, 5.0], 1, 4), Some(2.0));
         assert_eq!(quantile_of_sorted(&[], 1, 4), None);
+    }
+
+    /// Without further variation it is the prediction interval of Student's t, with much of it that
+    /// of the further variation alone.
+    #[test]
+    fn one_more_value_lies_within_the_prediction_interval() {
+        let (mean, reach) = one_more(&[1.0, 2.0, 3.0], 0.0).unwrap();
+        assert_eq!(mean, 2.0);
+        assert!((reach - t975(2.0) * (4.0_f64 / 3.0).sqrt()).abs() < 1e-12, "{reach}");
+        let (_, reach) = one_more(&[1.0, 1.0 + 1e-6, 1.0 - 1e-6], 0.5).unwrap();
+        assert!((reach - 0.5 * 1.959_963_984_54).abs() < 1e-9, "{reach}");
+        assert!(one_more(&[], 1.0).is_none() && one_more(&[1.0], 0.0).unwrap().1.is_nan());
     }
 
     proptest! {

@@ -376,6 +376,7 @@ impl Joint<'_> {
                 nonlinear,
                 coefficients,
                 trials: Vec::new(),
+                also_on: Vec::new(),
             });
             model.push(best);
             floor = self.search.floor(self.index, &model);

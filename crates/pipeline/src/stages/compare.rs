@@ -193,9 +193,12 @@ impl From<CompareError> for Failed {
     }
 }
 
-/// [`CompareOptions::floor_spread`] of people: with it the intervals of 80 simulated people contain
-/// the true error in 95 % of flights and contacts together (`benches/floor.py`, seeds 11 and 21).
-const PEOPLE_DIFFER: f64 = 0.12;
+/// [`CompareOptions::floor_spread`] of people and of objects. With the spread of people the
+/// intervals of 80 simulated ones contain the true error in 95 % of flights and contacts together
+/// (`benches/floor.py`, seeds 11 and 21).
+pub fn floor_spread(is_object: bool) -> f64 {
+    if is_object { 0.0 } else { 0.12 }
+}
 
 /// Options of the comparison that follow from the pipeline.
 pub fn compare_options(params: &Params, subject: &Subject) -> CompareOptions {
@@ -205,7 +208,7 @@ pub fn compare_options(params: &Params, subject: &Subject) -> CompareOptions {
         window_s: params.compare.window_s,
         flight_window_s: (params.regressor.window_s > 0.0).then_some(params.regressor.window_s),
         mass_kg: Some(subject.facts.mass_kg),
-        floor_spread: if params.is_object { 0.0 } else { PEOPLE_DIFFER },
+        floor_spread: floor_spread(params.is_object),
         seed: ERROR_SEED,
         ..CompareOptions::default()
     }
