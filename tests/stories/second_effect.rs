@@ -70,6 +70,29 @@ fn light_loads_on_both_arms_in_some_trials_are_found_as_loads() {
     }
 }
 
+/// Each load was hidden by the other, and flights alone prefer another division of the jumps: a load
+/// on the torso was named, and then a wrong body mass in the loaded jumps. The plates tell in which
+/// jumps the body is heavier. A load at a knee moves with the shank and with the thigh.
+#[test]
+fn loads_are_sought_in_the_recordings_in_which_the_plates_show_more_mass() {
+    let found = discovered_on("human_loaded_shanks", "human");
+    assert_eq!(names(&found["effects"]), ["payload"], "{}", found["words"]);
+    let list = found["found"].as_array().unwrap();
+    assert_eq!(list.len(), 2, "{}", found["words"]);
+    for (load, side) in list.iter().zip(["_l", "_r"]) {
+        assert_eq!(names(&load["trials"]), ["jump01", "jump03", "jump05", "jump07"]);
+        let mut links = names(&load["also_on"]);
+        let stated = load["key"].as_str().unwrap();
+        links.push(stated.trim_start_matches("payload[").trim_end_matches(']'));
+        links.sort_unstable();
+        assert_eq!(links, [format!("shank{side}"), format!("thigh{side}")], "{load}");
+        let mass = load["coefficients"][0]["ci95"].as_array().unwrap();
+        let [low, high] = [0, 1].map(|i| mass[i].as_f64().unwrap());
+        assert!((low..high).contains(&0.4533) && low > 0.2, "{load}");
+    }
+    assert!(found["words"].as_str().unwrap().contains("it explains as much"), "{}", found["words"]);
+}
+
 /// What makes a tether is its stiffness; without it a damping along a line only imitates a law.
 #[test]
 fn a_line_of_no_stiffness_is_not_named() {

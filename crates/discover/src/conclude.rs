@@ -53,6 +53,37 @@ pub(crate) fn widen_found(
     }
 }
 
+/// Widens in the same way the intervals of effects that the rounds name beside the one found: each
+/// takes the place of that one in the model.
+pub(crate) fn widen_named<'a>(
+    session: &Session<'_>,
+    accepted: &[EffectInstance<'_>],
+    effects: &[&'a dyn Effect],
+    kept: &[Variant<'a>],
+    rounds: &mut [Round],
+    options: &DiscoverOptions,
+) {
+    for round in rounds.iter_mut().filter(|r| !r.superseded && r.verdict == Verdict::OneOf) {
+        let Some(i) = kept.iter().position(|v| round.joined.iter().any(|id| id == v.effect.id())) else { continue };
+        let mut others = kept.to_vec();
+        others.remove(i);
+        for c in round.candidates.iter_mut().filter(|c| round.effects.contains(&c.effect)) {
+            let effect = effects.iter().find(|e| e.id() == c.effect && e.id() != kept[i].effect.id());
+            let Some(effect) = effect else { continue };
+            let values = c.nonlinear.iter().map(|e| e.value).collect();
+            let mut variant = Variant::new(session, *effect, c.target, values);
+            if !c.trials.is_empty() {
+                variant.group = session.trials.iter().map(|name| c.trials.contains(name)).collect();
+            }
+            let domain = if effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
+            let of = |v: &[Variant<'_>]| extra_columns(session, domain, accepted, v, &[]);
+            let whole = [&others[..], &[variant.clone()]].concat();
+            let estimates = (&mut c.coefficients[..], &mut c.nonlinear[..]);
+            widen(session, domain, &of(&others), &of(&whole), &variant, estimates, &|_| None, options);
+        }
+    }
+}
+
 /// What the rounds named, without what was dropped again beside effects of later rounds.
 fn groups<'r>(rounds: impl Iterator<Item = &'r Round>, found: &[Found]) -> Vec<Group> {
     let mut out: Vec<Group> = Vec::new();

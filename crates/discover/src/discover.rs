@@ -3,7 +3,7 @@
 use crate::DiscoverError;
 use crate::beside::{Several, judge_each_beside_the_others};
 use crate::candidate::{Scored, Variant};
-use crate::conclude::{RoundResults, conclude, widen_found};
+use crate::conclude::{RoundResults, conclude, widen_found, widen_named};
 use crate::contact::Refused;
 use crate::held_out::HeldOutResult;
 use crate::judge::AtFloor;
@@ -376,6 +376,7 @@ fn without_refused(
         after = joint.map_or(after, |p| p.plain());
     }
     widen_found(session, accepted, &kept, &mut found, options);
+    widen_named(session, accepted, effects, &kept, &mut rounds, options);
     name_other_links(session, accepted, &kept, &mut found, options);
     let made = RoundResults { rounds, found, kept, contradicted, left_out, errors: [before, after], has_flights };
     Ok(conclude(session, effects, accepted, made, until, options))

@@ -138,3 +138,19 @@ fn an_uncertain_zero_of_a_joint_is_in_the_interval_of_a_switch_by_its_angle() {
     assert!((plain.value - 0.1).abs() < half(&plain) && half(&plain) < 0.3 * expected, "{plain:?}");
     assert!((half(&wider) / expected - 1.0).abs() < 0.15, "{} {expected}", half(&wider));
 }
+
+/// A small force that keeps its direction may be a wind: what the draws change in the force they
+/// change in the wind.
+#[test]
+fn what_all_draws_share_is_in_the_intervals_of_effects_that_are_named_beside_the_one_found() {
+    let forces = [0.04, -0.02, 0.01, -0.05, 0.03, 0.0, -0.03, 0.02];
+    let wind = |drawn: Option<&Drawn>| {
+        let (d, _) = find(None, Some(("constant_force[link0]", &[0.012, 0.0, 0.0])), drawn);
+        let named = d.verdict == Verdict::OneOf && d.effects.contains(&"wind".to_owned());
+        assert!(named && d.found.iter().all(|f| f.effect != "wind"), "the test has lost its case: {}", d.words);
+        d.candidates.into_iter().find(|c| c.effect == "wind").unwrap().coefficients.remove(0)
+    };
+    let (plain, wider) = (wind(None), wind(Some(&Drawn { force_x_n: forces, ..Drawn::default() })));
+    assert_eq!(plain.value.to_bits(), wider.value.to_bits());
+    assert!(half(&wider) > 2.0 * half(&plain), "{} {}", half(&plain), half(&wider));
+}
