@@ -126,14 +126,17 @@ class Laboratories:
                 self.places.popitem(last=False)
         return folder, at
 
-    def held_out(self, at):
+    def compared(self, at):
+        return json.loads(call(self.aloft, "compare", self.pipeline, *at, "--json").stdout)
+
+    @staticmethod
+    def held_out(compared):
         """Error on left-out flights (left-out contact where nothing acts in flight is asked by `judged_on`), and the floor: N."""
-        compared = json.loads(call(self.aloft, "compare", self.pipeline, *at, "--json").stdout)
         return {entry["judged_on"]: (entry["held_out_error"], entry["floor"]["noise_floor"]) for entry in compared["against_floor"]}
 
     def error_of(self, scenarios, seed, judged_on="flight"):
         _folder, at = self.processed(scenarios, seed)
-        errors = self.held_out(at)
+        errors = self.held_out(self.compared(at))
         if judged_on not in errors:
             raise RuntimeError(f"no comparison in {judged_on}")
         return errors[judged_on]
@@ -143,7 +146,8 @@ class Laboratories:
         folder, at = self.processed(scenarios, seed)
         if self.kept:
             shutil.copytree(folder.name, self.kept / name, dirs_exist_ok=True)
-        error, floor = self.held_out(at)[judged_on]
+        compared = self.compared(at)
+        error, floor = self.held_out(compared)[judged_on]
         start = time.time()
         done = call(self.aloft, "discover", self.pipeline, *at, "--json", *options)
         if done.returncode and not done.stdout:
@@ -152,6 +156,8 @@ class Laboratories:
         kept = {k: found.get(k) for k in ("verdict", "effects", "words", "noise_floor", "noise_floor_ci95", "held_out_error", "held_out_error_after", "open", "groups")}
         if kept["open"]:
             kept["open"] = {**kept["open"], "atlas": (kept["open"].get("atlas") or [])[:5]}
+        # the stated mass is said to be wrong before any effect is looked for
+        kept["wrong_mass"] = bool((compared.get("impulse_mass") or {}).get("wrong"))
         kept["found"] = [f["key"] for f in found.get("found", [])]
         kept["also_on"] = {f["key"]: f.get("also_on", []) for f in found.get("found", [])}
         kept["estimates"] = {f"{f['key']}.{c['name']}": [c["value"], *(c["ci95"] or [None, None])] for f in found.get("found", []) for c in f["coefficients"]}

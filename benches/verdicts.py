@@ -250,6 +250,8 @@ def judge(line):
     found = line["answer"]
     classes = [set(group["effects"]) for group in found.get("groups") or []] or [set(found["effects"])]
     named = set().union(*classes)
+    if found.get("wrong_mass") and not named:
+        named, classes = {"body_mass"}, [{"body_mass"}]
     if not line["truth"] and not (found.get("open") or {}).get("laws"):
         return "wrong" if named else "unexplained" if found["verdict"] == "unexplained" else "right"
     if (found.get("open") or {}).get("laws"):

@@ -7,6 +7,7 @@ use crate::contact::Refused;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
 use crate::laws::{Direction, FoundLaw, Line, OpenWorld};
+use crate::only_as_limit::is_far_away;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
@@ -49,10 +50,13 @@ pub(crate) fn look_beyond(
     out.misfit = with_effects.as_ref().and_then(|problem| {
         crate::laws::misfit(session, problem, kept, &out.found, options.belief_kinematics, options.seed)
     });
+    // an anchor at the end of the range, or beyond any wall, is a sign of another law
+    let far_away = kept.iter().any(|v| is_far_away(session, v));
     let remains = left[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
     let several_above = several && session.model_error[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
     // an effect that stands in for a law of another form can reach a wide interval of the floor
-    let hides = far_in_contact || with_effects.is_some() && left[0].as_ref().is_some_and(HeldOutResult::may_hide_more);
+    let may_hide = far_away || left[0].as_ref().is_some_and(HeldOutResult::may_hide_more);
+    let hides = far_in_contact || with_effects.is_some() && may_hide;
     if !(remains || several_above || hides || out.misfit.is_some()) {
         return;
     }
@@ -69,8 +73,9 @@ pub(crate) fn look_beyond(
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
     let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
     let errors = |p: Problem| p.folds.iter().map(|f| f.error).collect();
-    let doubted = with_effects.filter(|_| out.misfit.is_some()).map(errors);
-    let within_floor = hides && out.misfit.is_none() && !remains && !several_above;
+    let in_doubt = out.misfit.is_some() || far_away;
+    let doubted = with_effects.filter(|_| in_doubt).map(errors);
+    let within_floor = hides && !in_doubt && !remains && !several_above;
     let rival = crate::laws::Rivals {
         ratio,
         single,

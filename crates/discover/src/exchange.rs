@@ -30,6 +30,10 @@ const MOST_CLUSTERS: usize = 30;
 const BEYOND: f64 = 2.0;
 /// The same for an advantage that is too small; stricter, so that a true effect is rarely rejected.
 const BEYOND_FOR_LESS: f64 = 2.5;
+/// From this number on the other effect is asked, too, and how much likelier it has to make the
+/// advantage.
+const LIKELY: f64 = 1.3;
+const ODDS: f64 = 10.0;
 
 /// Advantage of `a` over `b` (logarithm of the ratio of squared errors) if one of them is true,
 /// over directions of the true one.
@@ -37,6 +41,9 @@ const BEYOND_FOR_LESS: f64 = 2.5;
 pub(crate) struct Exchange {
     pub mean: f64,
     pub sd: f64,
+    /// Standard deviation that the noise of one set of recordings causes: all draws have the same
+    /// noise.
+    by_noise: f64,
     least: f64,
     most: f64,
 }
@@ -46,9 +53,23 @@ impl Exchange {
     pub fn exceeded_by(&self, advantage: f64) -> bool {
         advantage > (self.mean + BEYOND * self.sd).max(self.most)
     }
-    /// True if an advantage is smaller than the true effect would give.
-    pub fn missed_by(&self, advantage: f64) -> bool {
-        advantage < (self.mean - BEYOND_FOR_LESS * self.sd).min(self.least)
+    /// True if an advantage is smaller than the true effect would give. Where that is only likely,
+    /// it has to be clearly likelier if the other effect is true (`other`).
+    pub fn missed_by(&self, advantage: f64, other: impl FnOnce() -> Option<Self>) -> bool {
+        let below = (self.mean - advantage) / self.spread();
+        if advantage >= self.least || below < LIKELY {
+            return false;
+        }
+        below > BEYOND_FOR_LESS || other().is_some_and(|o| o.density(advantage) > ODDS * self.density(advantage))
+    }
+    fn spread(&self) -> f64 {
+        self.sd.hypot(self.by_noise)
+    }
+    /// Density of an advantage, up to a factor: Student's t with the freedom of the draws.
+    fn density(&self, advantage: f64) -> f64 {
+        const FREEDOM: f64 = (DRAWS - 1) as f64;
+        let z = (advantage - self.mean) / self.spread();
+        (1.0 + z * z / FREEDOM).powf(-0.5 * (FREEDOM + 1.0)) / self.spread()
     }
 }
 
@@ -120,7 +141,12 @@ pub(crate) fn exchange(
     let sd = (draws.iter().map(|d| (d - mean) * (d - mean)).sum::<f64>() / (n - 1.0)).sqrt();
     let least = draws.iter().copied().fold(f64::INFINITY, f64::min);
     let most = draws.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    Some(Exchange { mean, sd, least, most })
+    // With N independent rows of variance σ² and a part d of the true effect that the other leaves,
+    // the advantage is ‖d‖²/Nσ², and what noise adds along d varies by 2σ‖d‖/Nσ².
+    let independent = problem.clusters.iter().map(|c| c.n_rows as f64).sum::<f64>() / OVERLAP;
+    // Errors of rigid bodies do not repeat, so that draws in other directions hold it.
+    let by_noise = if session.prior.is_some() { (4.0 * mean.max(0.0) / independent).sqrt() } else { 0.0 };
+    Some(Exchange { mean, sd, by_noise, least, most })
 }
 
 /// Multiple of its size at which an effect without a direction is added in a draw; of either sign

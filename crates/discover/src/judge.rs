@@ -246,8 +246,9 @@ pub(crate) fn judge(
     // a richer effect whose advantage over a simpler one is smaller than it would be if it were
     // true
     let falls_short = |x: &Rival<'_>, y: &Rival<'_>| {
-        let made = exchange(session, problem, &x.scored, &y.scored, &x.scored, options.seed ^ 0x5407);
-        made.is_some_and(|m| m.missed_by((y.error() / x.error()).ln()))
+        let made =
+            |truth: &Rival<'_>| exchange(session, problem, &x.scored, &y.scored, &truth.scored, options.seed ^ 0x5407);
+        made(x).is_some_and(|m| m.missed_by((y.error() / x.error()).ln(), || made(y)))
     };
     let short: Vec<usize> = class
         .iter()

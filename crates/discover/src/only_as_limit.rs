@@ -68,6 +68,17 @@ pub(crate) fn is_at_far_edge(session: &Session<'_>, variant: &Variant<'_>) -> bo
     fitted && variant.nonlinear.iter().zip(&bounds).any(|(x, b)| is_far(b) && is_at_bound(*x, [b.lower, b.upper]))
 }
 
+/// True if a place or a vector in the world was fitted beyond the nearer half of its range: there
+/// are few such places in a laboratory, and a law of another form may be what acts.
+pub(crate) fn is_far_away(session: &Session<'_>, variant: &Variant<'_>) -> bool {
+    let bounds = variant.effect.nonlinear(session.scene, variant.target);
+    let beyond = |x: &f64, b: &NonlinearParameter| {
+        let (middle, half) = (0.5 * (b.lower + b.upper), 0.25 * (b.upper - b.lower));
+        (x - middle).abs() > half
+    };
+    variant.fitted > 0 && variant.nonlinear.iter().zip(&bounds).any(|(x, b)| is_far(b) && beyond(x, b))
+}
+
 /// True if `rival` becomes `simple` in its limit, and within the nearer half of its range it is
 /// worse by more than chance and repeating errors explain.
 pub(crate) fn is_only_a_limit(

@@ -189,21 +189,27 @@ pub(crate) fn run_round<'a>(
         })
         .collect();
     confusions(session, problem, &scores, &mut candidates, options);
-    let (sharp, rivals) = rivals(session, problem, extra, &scores, &candidates, options);
-    let (mut verdict, mut effects, mut rival_tests) =
-        judge(session, sharp.as_ref().unwrap_or(problem), &rivals, at_floor, options);
-    let at_edge: Vec<String> = rival_tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.clone()).collect();
-    let by_plates = (matches!(verdict, Verdict::OneOf | Verdict::Supported) && problem.domain == Domain::Flight)
-        .then(|| beside.by_plates(session, &rivals, &effects, &at_edge))
-        .flatten();
-    if let Some(plates) = &by_plates {
-        effects.extend(plates.inside.iter().cloned());
-        effects.retain(|id| !plates.ruled_out.contains(id));
-        for test in rival_tests.iter_mut().filter(|d| plates.inside.contains(&d.effect)) {
-            test.only_as_limit = false;
+    let (sharp, mut rivals) = rivals(session, problem, extra, &scores, &candidates, options);
+    let mut said_by_plates: Vec<String> = Vec::new();
+    let (mut verdict, mut effects, rival_tests) = loop {
+        let (mut verdict, mut effects, mut tests) =
+            judge(session, sharp.as_ref().unwrap_or(problem), &rivals, at_floor, options);
+        let at_edge: Vec<String> = tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.clone()).collect();
+        let named = matches!(verdict, Verdict::OneOf | Verdict::Supported) && problem.domain == Domain::Flight;
+        let plates = named.then(|| beside.by_plates(session, &rivals, &effects, &at_edge)).flatten();
+        let Some(plates) = plates else { break (verdict, effects, tests) };
+        said_by_plates.extend(Some(plates.words).filter(|words| !words.is_empty()));
+        if plates.ruled_out.is_empty() {
+            effects.extend(plates.inside.iter().cloned());
+            for test in tests.iter_mut().filter(|d| plates.inside.contains(&d.effect)) {
+                test.only_as_limit = false;
+            }
+            verdict = if effects.len() == 1 { Verdict::Supported } else { Verdict::OneOf };
+            break (verdict, effects, tests);
         }
-        verdict = if effects.len() == 1 { Verdict::Supported } else { Verdict::OneOf };
-    }
+        // others may have been left out in favour of what the plates rule out
+        rivals.retain(|r| !plates.ruled_out.iter().any(|id| id == r.id()));
+    };
     // the effect that the answer describes, that joins the model in later rounds and that the user
     // is told to add is one and the same
     if let Some(first) = to_build_on(&rivals, &effects, options)
@@ -242,8 +248,8 @@ pub(crate) fn run_round<'a>(
     };
     let limits: Vec<&str> = rival_tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.as_str()).collect();
     let mut words = wording::round(verdict, &effects, &limits, &candidates, limit_of, few);
-    if let Some(plates) = by_plates.filter(|p| !p.words.is_empty()) {
-        words = format!("{words}; {}", plates.words);
+    for said in said_by_plates {
+        words = format!("{words}; {said}");
     }
     let round = Round {
         judged_on: wording::domain(problem.domain).to_owned(),

@@ -7,6 +7,7 @@ use super::shape::Range;
 use crate::candidate::Variant;
 use crate::problem::Problem;
 use crate::session::Session;
+use aloft_body::JointKind;
 use aloft_effects::{EffectFrame, ParameterKind, Scene, Target};
 use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
@@ -262,6 +263,7 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
             Some((v, range_of(&values)?, values))
         })
         .collect();
+    let waves = Periodic::of(scene, &frames);
     let mut add = |unit: &[Vec<Vec<[f64; 6]>>], base: &Group, choices: &[&[usize]], weight: &[Vec<f64>], nb: usize| {
         let columns = columns(session, problem, unit, weight, nb, stride);
         if !columns.iter().all(|c| c.iter().all(|x| x.is_finite())) {
@@ -329,22 +331,21 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
                     }
                 }
             }
-            let clock = matches!(direction, Direction::World | Direction::Link | Direction::AgainstVelocity);
-            if clock && job.first_point && (all.len() == 3 || scene.model.n_links() <= MANY_LINKS) {
-                for k in frequencies(&frames) {
-                    let weight: Vec<Vec<f64>> = frames
-                        .values(Variable::Clock, &none)
-                        .iter()
-                        .map(|t| t.iter().flat_map(|t| [1.0, (k * t).cos(), (k * t).sin()]).collect())
-                        .collect();
-                    let base = Group {
-                        variable: Variable::Clock,
-                        frequency: Some(k),
-                        range: range_of(&frames.values(Variable::Clock, &none))
-                            .unwrap_or(Range { low: 0.0, high: 1.0 }),
-                        ..blank(action, direction)
-                    };
-                    add(&unit, &base, &[if all.len() == 3 { &[0, 1, 2] } else { &[0] }], &weight, 3);
+            let periodic = matches!(direction, Direction::World | Direction::Link | Direction::AgainstVelocity);
+            if periodic && job.first_point && (all.len() == 3 || scene.model.n_links() <= MANY_LINKS) {
+                for Periodic { variable, range, frequencies } in &waves {
+                    let values = frames.values(*variable, &none);
+                    for k in frequencies {
+                        let of = |t: &Vec<f64>| t.iter().flat_map(|t| [1.0, (k * t).cos(), (k * t).sin()]).collect();
+                        let weight: Vec<Vec<f64>> = values.iter().map(of).collect();
+                        let base = Group {
+                            variable: *variable,
+                            frequency: Some(*k),
+                            range: *range,
+                            ..blank(action, direction)
+                        };
+                        add(&unit, &base, &[if all.len() == 3 { &[0, 1, 2] } else { &[0] }], &weight, 3);
+                    }
                 }
             }
         }
@@ -430,8 +431,50 @@ pub(super) fn towards(frames: &PlaceFrames<'_>, anchor: &Vector3<f64>) -> Option
     Some(Towards { unit: frames.unit(Action::Force, Direction::Towards, &[0], anchor), weight, range })
 }
 
+/// A variable on which a force may depend periodically, with the frequencies that are tried.
+struct Periodic {
+    variable: Variable,
+    range: Range,
+    /// Angular frequencies, radians per unit of the variable.
+    frequencies: Vec<f64>,
+}
+
+impl Periodic {
+    /// The clock, and angles of hinges that turn over: a free curve over many turns is too coarse
+    /// for what repeats with every turn.
+    fn of(scene: &Scene, frames: &PlaceFrames<'_>) -> Vec<Self> {
+        const TURN: f64 = 2.0 * std::f64::consts::PI;
+        /// Most periods in a turn of a hinge.
+        const MOST: f64 = 4.0;
+        let mut out = Vec::new();
+        for variable in std::iter::once(Variable::Clock).chain(Variable::of(scene)) {
+            let range = range_of(&frames.values(variable, &Vector3::zeros()));
+            match (variable, range) {
+                (Variable::Clock, range) => out.push(Self {
+                    variable,
+                    range: range.unwrap_or(Range { low: 0.0, high: 1.0 }),
+                    frequencies: of_clock(frames),
+                }),
+                (Variable::JointAngle(i), Some(range)) => {
+                    let turns = matches!(scene.model.links[i].joint.kind, JointKind::Revolute(_));
+                    if turns && range.width() > TURN {
+                        // from what a free curve does not follow, in the steps of the clock
+                        let step = 0.4 * TURN / range.width();
+                        let first = 1.5 * TURN / range.width();
+                        let n = ((MOST - first) / step).max(0.0) as usize;
+                        let frequencies = (0..=n).map(|k| first + step * k as f64).collect();
+                        out.push(Self { variable, range, frequencies });
+                    }
+                }
+                _ => {}
+            }
+        }
+        out
+    }
+}
+
 /// Angular frequencies of the clock, rad/s: steps that lose no line between them, up to 8 Hz.
-fn frequencies(frames: &PlaceFrames<'_>) -> Vec<f64> {
+fn of_clock(frames: &PlaceFrames<'_>) -> Vec<f64> {
     let long = |t: &Vec<(EffectFrame<'_>, Instant)>| match (t.first(), t.last()) {
         (Some(a), Some(b)) => b.0.time_s - a.0.time_s,
         _ => 0.0,

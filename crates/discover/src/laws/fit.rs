@@ -160,7 +160,10 @@ fn starts(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: 
     let mut shapes = vec![Shape::Constant];
     match group.variable {
         Variable::None => {}
-        v => shapes.extend(Shape::of(v.is_signed(), distance, v == Variable::Clock)),
+        v => {
+            let periodic = v == Variable::Clock || group.frequency.is_some();
+            shapes.extend(Shape::of(v.is_signed(), distance, periodic));
+        }
     }
     screened(session, problem, evidence, group, &frames, &shapes)
 }
@@ -171,7 +174,7 @@ fn parameters(shape: Shape, group: &Group) -> Vec<Vec<f64>> {
         return shape.starts(group.range, group.variable == Variable::Distance);
     };
     match shape {
-        Shape::Wave | Shape::WaveAbout => vec![vec![k]],
+        Shape::Sine | Shape::Wave | Shape::WaveAbout => vec![vec![k]],
         Shape::Pulses => {
             let phases = (0..8).map(|i| f64::from(i) * std::f64::consts::FRAC_PI_4 - std::f64::consts::PI);
             phases.flat_map(|a| [-0.5, 0.0, 0.5].map(|b| vec![k, a, b])).collect()
@@ -326,7 +329,7 @@ pub(crate) fn curve(session: &Session<'_>, problem: &Problem, group: &Group) -> 
     }
     let shape = match group.variable {
         Variable::None => Shape::Constant,
-        Variable::Clock => Shape::WaveAbout,
+        _ if group.frequency.is_some() => Shape::WaveAbout,
         _ => Shape::Curve,
     };
     let values = group.frequency.map_or_else(Vec::new, |k| vec![k]);

@@ -243,7 +243,16 @@ impl Variable {
         }
     }
 
-    /// SI unit.
+    /// SI unit in words, radians included.
+    pub fn unit_in_words(self, scene: &Scene) -> &'static str {
+        match (self, self.unit(scene)) {
+            (Self::JointAngle(_), "1") => "rad",
+            (_, "1/s") => "rad/s",
+            (_, unit) => unit,
+        }
+    }
+
+    /// SI unit in formulas, where radians have none.
     pub fn unit(self, scene: &Scene) -> &'static str {
         let slide =
             |i: usize| scene.model.links.get(i).is_some_and(|l| matches!(l.joint.kind, JointKind::Prismatic(_)));

@@ -173,7 +173,7 @@ fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, 
         }
         let mut shapes: Vec<(f64, Shape, Vec<f64>)> = Shape::of(variable.is_signed(), false, false)
             .into_iter()
-            .filter(|s| *s != Shape::Wave && law.law.terms() * s.terms() <= 4)
+            .filter(|s| !matches!(s, Shape::Sine | Shape::Wave) && law.law.terms() * s.terms() <= 4)
             .flat_map(|s| s.starts(range, false).into_iter().map(move |p| (s, p)))
             .filter_map(|(s, p)| Some((score_of(s, &p, variable, range)?, s, p)))
             .collect();

@@ -64,6 +64,8 @@ pub(crate) enum Shape {
     Bell,
     /// 1/(x² + s²)
     Softened,
+    /// sin kx
+    Sine,
     /// cos kx, sin kx
     Wave,
     /// 1, cos kx, sin kx
@@ -84,11 +86,12 @@ impl Shape {
     /// Shapes that are tried for a variable.
     pub fn of(signed: bool, distance: bool, periodic: bool) -> Vec<Self> {
         if periodic {
-            return vec![Self::Wave, Self::WaveAbout, Self::Pulses];
+            let odd = signed.then_some(Self::Sine);
+            return odd.into_iter().chain([Self::Wave, Self::WaveAbout, Self::Pulses]).collect();
         }
         let mut out = vec![Self::Linear, Self::Affine, Self::Parabola, Self::EvenPower, Self::Exponential];
         if signed {
-            out.extend([Self::Power, Self::DeadZone, Self::ShiftedPower, Self::Wave]);
+            out.extend([Self::Power, Self::DeadZone, Self::ShiftedPower, Self::Sine, Self::Wave]);
         }
         if distance {
             out.push(Self::Softened);
@@ -123,7 +126,7 @@ impl Shape {
             Self::Switch => vec![threshold, of("w", 1, 0.005 * w, 0.5 * w, 0.05 * w)],
             Self::Bell => vec![threshold, of("w", 1, 0.03 * w, 2.0 * w, 0.1 * w)],
             Self::Softened => vec![of("s", 1, 0.01, 3.0 * a, 0.1 * a)],
-            Self::Wave | Self::WaveAbout => vec![of("k", -1, 0.3 / w, 400.0 / w, 0.3 / w)],
+            Self::Sine | Self::Wave | Self::WaveAbout => vec![of("k", -1, 0.3 / w, 400.0 / w, 0.3 / w)],
             Self::Pulses => vec![
                 of("k", -1, 0.3 / w, 400.0 / w, 0.3 / w),
                 of("phase", 0, -7.0, 7.0, 0.3),
@@ -151,7 +154,9 @@ impl Shape {
             Self::Switch => places.iter().map(|s| vec![at(*s), 0.04 * w]).collect(),
             Self::Bell => places.iter().flat_map(|s| [0.1, 0.3].map(|b| vec![at(*s), b * w])).collect(),
             Self::Softened => [0.05, 0.2, 0.5].iter().map(|s| vec![s * a]).collect(),
-            Self::Wave | Self::WaveAbout => [2.0, 4.0, 6.0, 9.0, 12.0].iter().map(|k| vec![k / w]).collect(),
+            Self::Sine | Self::Wave | Self::WaveAbout => {
+                [2.0, 4.0, 6.0, 9.0, 12.0].iter().map(|k| vec![k / w]).collect()
+            }
             Self::Pulses => Vec::new(),
         }
     }
@@ -175,6 +180,7 @@ impl Shape {
             Self::Switch => out[0] = 0.5 * (1.0 + ((x - p0) / p1).tanh()),
             Self::Bell => out[0] = (-((x - p0) / p1).powi(2)).exp(),
             Self::Softened => out[0] = 1.0 / (x * x + p0 * p0),
+            Self::Sine => out[0] = (x * p0).sin(),
             Self::Wave => (out[0], out[1]) = ((x * p0).cos(), (x * p0).sin()),
             Self::WaveAbout => (out[0], out[1], out[2]) = (1.0, (x * p0).cos(), (x * p0).sin()),
             Self::Pulses => {
@@ -212,6 +218,7 @@ impl Shape {
             Self::Switch => vec![format!("(1+tanh(({x}-{p0})/{p1}))/2")],
             Self::Bell => vec![format!("exp(-(({x}-{p0})/{p1})^2)")],
             Self::Softened => vec![format!("1/({x}^2+{p0}^2)")],
+            Self::Sine => vec![format!("sin({p0}*{x})")],
             Self::Wave => vec![format!("cos({p0}*{x})"), format!("sin({p0}*{x})")],
             Self::WaveAbout => vec!["1".to_owned(), format!("cos({p0}*{x})"), format!("sin({p0}*{x})")],
             Self::Pulses => {
@@ -260,7 +267,6 @@ impl Shape {
         let p1 = p.get(1).copied().unwrap_or(f64::NAN);
         let with = |v: f64| match unit {
             "1" => format!("{v:.3}"),
-            "1/s" => format!("{v:.3} rad/s"),
             u => format!("{v:.3} {u}"),
         };
         match self {
@@ -282,6 +288,7 @@ impl Shape {
             Self::Switch => format!("switched on where {x} exceeds {}", with(p0)),
             Self::Bell => format!("only where {x} is near {}, within about {}", with(p0), with(p1)),
             Self::Softened => format!("proportional to 1/(d² + s²), d {x}, s {}", with(p0)),
+            Self::Sine => format!("as the sine of {x}, period {}", with(2.0 * std::f64::consts::PI / p0)),
             Self::Wave | Self::WaveAbout => {
                 format!("periodic in {x}, period {}", with(2.0 * std::f64::consts::PI / p0))
             }

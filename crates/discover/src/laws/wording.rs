@@ -88,7 +88,7 @@ pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f
         .zip(law.parameters_of(&parts))
         .map(|(f, p)| {
             let v = f.variable;
-            f.shape.describe(&variable(v, scene), v.unit(scene), p, v.is_signed())
+            f.shape.describe(&variable(v, scene), v.unit_in_words(scene), p, v.is_signed())
         })
         .collect();
     let name = law.carrier.name(scene);
