@@ -12,7 +12,7 @@ use crate::limits::limit;
 use crate::not_tried::not_tried;
 use crate::on_which_link::name_other_links;
 use crate::options::DiscoverOptions;
-use crate::pairs::{Search, better_pair, pair_alone, pair_as_good};
+use crate::pairs::{ALONE, CARRIED, Search, better_pair, pair_alone, pair_as_good};
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::rank::{EffectScore, judged_in};
@@ -262,7 +262,8 @@ fn without_refused(
                         .zip(scores.iter().map(|s| far || s.effect.about().by_group))
                         .map(|(usable, asked)| usable && asked)
                         .collect();
-                    let any = pair_alone(session, &problem, &scores, &usable, &refit)?;
+                    let most = if far { ALONE } else { CARRIED };
+                    let any = pair_alone(session, &problem, &scores, &usable, &refit, most)?;
                     // an effect that contains another one counts only if it does better
                     let wider = |i: usize| {
                         let contains = scores[i].effect.about().contains;
@@ -270,7 +271,7 @@ fn without_refused(
                     };
                     let plain: Vec<bool> = (0..scores.len()).map(|i| usable[i] && !wider(i)).collect();
                     let better = |p: &(_, _, f64, _)| (any.2 / p.2).sqrt() < options.belief;
-                    match pair_alone(session, &problem, &scores, &plain, &refit) {
+                    match pair_alone(session, &problem, &scores, &plain, &refit, most) {
                         Some(pair) if !better(&pair) => Some(pair),
                         _ => Some(any),
                     }

@@ -179,19 +179,24 @@ fn best_pair<'e>(search: &Search<'_, 'e>) -> Option<Pair<'e>> {
 
 /// Largest share of the error of the model and of the best single effect that a pair may leave when
 /// no single effect was accepted: chance has many pairs to choose from.
-const ALONE: [f64; 2] = [0.6, 0.8];
+pub(crate) const ALONE: [f64; 2] = [0.6, 0.8];
+/// The same of two loads where the plates show in which trials something was carried: fewer pairs,
+/// and nothing of the trials is chosen.
+pub(crate) const CARRIED: [f64; 2] = [0.75, 0.85];
 /// Rounds in which the two effects of a pair are fitted again in turn.
 const TURNS: usize = 2;
 
 /// Two effects together where none alone is accepted: two of a kind on different links (a load on
 /// both shanks), or two kinds. Each is fitted beside the other in turn; `None` if no pair explains
-/// most of the error. The last part are the effects of all pairs that leave nearly the same error.
+/// most of the error (`most`: [`ALONE`] or [`CARRIED`]). The last part are the effects of all pairs
+/// that leave nearly the same error.
 pub(crate) fn pair_alone<'a>(
     session: &Session<'_>,
     problem: &Problem,
     scores: &[EffectScore<'a>],
     usable: &[bool],
     refit: &Refit<'_, '_>,
+    most: [f64; 2],
 ) -> Option<(Scored<'a>, Scored<'a>, f64, Vec<String>)> {
     let parts: Vec<(usize, Variant<'a>, Vec<DMatrix<f64>>)> = (0..scores.len())
         .into_par_iter()
@@ -288,7 +293,7 @@ pub(crate) fn pair_alone<'a>(
     let plain: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
     let whole: f64 = plain.iter().sum();
     let single = scores.iter().filter(|s| !s.placebo).map(|s| s.fold_error.iter().sum::<f64>()).fold(whole, f64::min);
-    let small = (best.2 / whole).sqrt() < ALONE[0] && (best.2 / single).sqrt() < ALONE[1];
+    let small = (best.2 / whole).sqrt() < most[0] && (best.2 / single).sqrt() < most[1];
     let real = small && sign_flip_p(&best.1.fold_error, &plain, 2000, refit.seed()) < 0.01;
     real.then_some((best.0, best.1, best.2, ids))
 }
