@@ -1,19 +1,10 @@
 //! What force plates say of effects and laws that were found in flight.
 
-use crate::support::{expect, folder, json, lab, repo};
+use crate::support::{self, names};
 use serde_json::Value;
 
 fn discovered(scenario: &str, more: &[&str]) -> Value {
-    let dir = folder();
-    let data = lab(&format!("fixtures/scenarios/{scenario}.yaml"), dir.path()).display().to_string();
-    let ws = dir.path().join("ws").display().to_string();
-    let words = [&repo("pipelines/human.yaml"), "--data", &data, "--workspace", &ws];
-    expect(&[&["run"], &words[..]].concat(), 0);
-    json(&[&["discover"], &words[..], more, &["--json"]].concat())
-}
-
-fn names(list: &Value) -> Vec<&str> {
-    list.as_array().unwrap().iter().map(|e| e.as_str().unwrap()).collect()
+    support::discovered(scenario, "human", more)
 }
 
 /// Flights of a person show several forces of nearly constant direction as one class.
@@ -28,6 +19,20 @@ fn contact_tells_apart_what_flights_cannot() {
     );
     let words = found["words"].as_str().unwrap();
     assert!(words.contains("the force plates speak against") && words.contains("`crane`"), "{words}");
+}
+
+/// In flight an added mass describes the pull of a crane overhead, too, and is simpler: the crane
+/// was left out in its favour, then the plates ruled the added mass out, and a change of gravity was
+/// all that remained.
+#[test]
+fn what_the_plates_rule_out_leaves_nothing_else_out() {
+    let found = discovered("human_crane", &["--closed"]);
+    let named = names(&found["effects"]);
+    assert!(named.contains(&"crane") && !named.contains(&"added_mass"), "{}", found["words"]);
+    let crane = found["candidates"].as_array().unwrap().iter().find(|c| c["effect"] == "crane").unwrap();
+    let tension = crane["coefficients"][0]["ci95"].as_array().unwrap();
+    let [low, high] = [0, 1].map(|i| tension[i].as_f64().unwrap());
+    assert!((low..high).contains(&13.49) && low > 10.0, "{crane}");
 }
 
 /// A force that flights show always and contact does not is not a constant force.

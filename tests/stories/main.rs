@@ -47,4 +47,5 @@ mod studio;
 mod support;
 mod surfaces;
 mod tilted;
+mod unlisted;
 mod workflow;

@@ -1,23 +1,14 @@
 //! Two effects at once, judged beside each other.
 
-use crate::support::{expect, folder, json, lab, repo};
+use crate::support::{self, names};
 use serde_json::Value;
+
+fn discovered_on(scenario: &str, pipeline: &str) -> Value {
+    support::discovered(scenario, pipeline, &["--closed"])
+}
 
 fn discovered(scenario: &str) -> Value {
     discovered_on(scenario, "chain")
-}
-
-fn discovered_on(scenario: &str, pipeline: &str) -> Value {
-    let dir = folder();
-    let data = lab(&format!("fixtures/scenarios/{scenario}.yaml"), dir.path()).display().to_string();
-    let ws = dir.path().join("ws").display().to_string();
-    let words = [&repo(&format!("pipelines/{pipeline}.yaml")), "--data", &data, "--workspace", &ws];
-    expect(&[&["run"], &words[..]].concat(), 0);
-    json(&[&["discover"], &words[..], &["--closed", "--json"]].concat())
-}
-
-fn names(list: &Value) -> Vec<&str> {
-    list.as_array().unwrap().iter().map(|e| e.as_str().unwrap()).collect()
 }
 
 /// With a limit of 90 % the second effect was never named, however many flights showed it.

@@ -60,3 +60,18 @@ pub fn another(from: &Path, to: &Path, number: usize) {
     bytes[at] ^= 1;
     fs::write(to, bytes).unwrap();
 }
+
+/// What `discover` says of a scenario of the fixtures, after `run`.
+pub fn discovered(scenario: &str, pipeline: &str, more: &[&str]) -> serde_json::Value {
+    let dir = folder();
+    let data = lab(&format!("fixtures/scenarios/{scenario}.yaml"), dir.path()).display().to_string();
+    let ws = dir.path().join("ws").display().to_string();
+    let words = [&repo(&format!("pipelines/{pipeline}.yaml")), "--data", &data, "--workspace", &ws];
+    expect(&[&["run"], &words[..]].concat(), 0);
+    json(&[&["discover"], &words[..], more, &["--json"]].concat())
+}
+
+/// The texts of a list.
+pub fn names(list: &serde_json::Value) -> Vec<&str> {
+    list.as_array().unwrap().iter().map(|e| e.as_str().unwrap()).collect()
+}
