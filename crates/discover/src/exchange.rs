@@ -10,9 +10,8 @@
 //! certain amount; if its lead is smaller, the simpler effect is kept.
 
 use crate::candidate::{Scored, Variant, score, solve};
-use crate::nonlinear::{improve, score_fitted};
-use crate::problem::Problem;
-use crate::rank::{FULL_STEPS, OVERLAP};
+use crate::nonlinear::{FULL_STEPS, improve, score_fitted};
+use crate::problem::{OVERLAP, Problem};
 use crate::session::Session;
 use crate::thin::thin;
 use aloft_effects::ParameterKind;
@@ -237,4 +236,28 @@ fn error(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>, turned
     }
     let (variant, _) = improve(session, problem, &best?.0, FULL_STEPS)?;
     score_fitted(session, problem, variant).map(|s| sum(&s))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn draws(mean: f64, sd: f64, by_noise: f64) -> Exchange {
+        Exchange { mean, sd, by_noise, least: mean - 1.5 * sd, most: mean + 1.5 * sd }
+    }
+
+    /// Far below what the true effect would give it is missed; a little below only if the other
+    /// effect makes it much likelier, and the noise of the recordings counts.
+    #[test]
+    fn a_richer_effect_is_missed_where_the_simpler_one_makes_its_advantage_likelier() {
+        let (true_one, no_other) = (draws(0.3, 0.04, 0.0), || None);
+        assert!(true_one.missed_by(0.1, no_other));
+        assert!(!draws(0.3, 0.04, 0.08).missed_by(0.12, no_other));
+        let at_zero = || Some(draws(0.0, 0.03, 0.0));
+        assert!(draws(0.2, 0.06, 0.06).missed_by(0.02, at_zero));
+        // as likely with either of them
+        assert!(!draws(0.2, 0.06, 0.06).missed_by(0.07, || Some(draws(0.1, 0.1, 0.0))));
+        // within the draws
+        assert!(!true_one.missed_by(0.25, at_zero));
+    }
 }

@@ -7,8 +7,7 @@
 //! divided into two sets so that one common change in the first set removes most of the error.
 
 use crate::candidate::{Variant, pseudo_inverse};
-use crate::problem::{Cluster, Domain, Problem};
-use crate::rank::OVERLAP;
+use crate::problem::{Cluster, Domain, OVERLAP, Problem};
 use crate::session::Session;
 use aloft_effects::{Effect, ParameterKind, Target};
 use nalgebra::{DMatrix, DVector};
@@ -228,8 +227,8 @@ impl Division {
             .fold(None, |best, acts| self.better(best, acts))
     }
 
-    /// The division in which the trials that are `told` act or do not, and the others act where that
-    /// gains.
+    /// The division in which the trials that are `told` act or do not, and the others act where
+    /// that gains.
     fn best_with(&self, told: &[Option<bool>]) -> Vec<bool> {
         let mut acts: Vec<bool> = told.iter().map(|t| t.unwrap_or(false)).collect();
         for t in (0..self.trials).filter(|&t| told[t].is_none()) {

@@ -202,15 +202,7 @@ fn refit(
                 continue;
             };
             let Ok(problem) = sharpened(session, &problem, &extra, &whole(kept, domain), options) else { continue };
-            let parameters = kept[i].effect.nonlinear(session.scene, kept[i].target);
-            let scored = if parameters.is_empty() {
-                let columns = kept[i].columns(session, &problem);
-                columns.map(|c| crate::candidate::score(&problem, kept[i].clone(), &problem.reduce(&c)))
-            } else {
-                crate::nonlinear::improve(session, &problem, &kept[i], crate::rank::FULL_STEPS)
-                    .and_then(|(v, _)| crate::nonlinear::score_fitted(session, &problem, v))
-            };
-            if let Some(scored) = scored {
+            if let Some(scored) = crate::nonlinear::fitted(session, &problem, &kept[i]) {
                 found[i] = as_found(session, &scored);
                 kept[i] = scored.variant;
             }

@@ -7,13 +7,16 @@
 //! cluster's own rows do not help to predict it. With many clusters this step is taken on the
 //! linear model alone.
 
-use crate::candidate::{Scored, Variant, fold_freedom, is_determined, pseudo_inverse, pseudo_solve, solve};
+use crate::candidate::{Scored, Variant, fold_freedom, is_determined, pseudo_inverse, pseudo_solve, score, solve};
 use crate::problem::{Problem, ReducedFold};
 use crate::session::Session;
 use crate::statistics::jackknife_se;
 use aloft_effects::NonlinearParameter;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+
+/// Gauss-Newton steps of a final fit.
+pub(crate) const FULL_STEPS: usize = 20;
 
 struct Point {
     p: Vec<f64>,
@@ -224,6 +227,16 @@ pub(crate) fn columns_and_slopes(
     let p = variant.nonlinear.clone();
     let columns = variant.columns_at(session, problem, &p)?;
     with_derivatives(session, problem, variant, &parameters, &Point { p, theta: theta.clone(), gain: 0.0, columns })
+}
+
+/// Fits a variant to all rows and in every fold; `None` if it gains nothing or has no columns.
+pub(crate) fn fitted<'a>(session: &Session<'_>, problem: &Problem, variant: &Variant<'a>) -> Option<Scored<'a>> {
+    if variant.effect.nonlinear(session.scene, variant.target).is_empty() {
+        let columns = variant.columns(session, problem)?;
+        return Some(score(problem, variant.clone(), &problem.reduce(&columns)));
+    }
+    let (better, _) = improve(session, problem, variant, FULL_STEPS)?;
+    score_fitted(session, problem, better)
 }
 
 /// Scores a fitted variant, with its nonlinear parameters refitted in every fold.

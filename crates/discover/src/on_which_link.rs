@@ -5,13 +5,12 @@
 //! link is not. Each effect found on a link is therefore fitted again on every other link, beside
 //! the other effects; links that leave hardly more error are named.
 
-use crate::candidate::{Scored, Variant, score};
+use crate::candidate::{Scored, Variant, solve};
 use crate::ladder::extra_columns;
 use crate::limits::SAME;
-use crate::nonlinear::{improve, score_fitted};
+use crate::nonlinear::fitted;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
-use crate::rank::FULL_STEPS;
 use crate::result::Found;
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
@@ -52,13 +51,13 @@ fn other_links(
     let problem = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok()?;
     let in_model = accepted.iter().map(|c| (c.effect.id(), c.target));
     let taken: Vec<(&str, Target)> = in_model.chain(others.iter().map(|v| (v.effect.id(), v.target))).collect();
-    let here = fitted(session, &problem, own.clone())?;
+    let here = fitted(session, &problem, own)?;
     let tried: Vec<(Target, Option<Scored<'_>>)> = own
         .effect
         .targets(session.scene)
         .into_par_iter()
         .filter(|t| matches!(t, Target::Link(_)) && *t != own.target && !taken.contains(&(own.effect.id(), *t)))
-        .map(|t| (t, at_best_start(session, &problem, own, t).and_then(|v| fitted(session, &problem, v))))
+        .map(|t| (t, at_best_start(session, &problem, own, t).and_then(|v| fitted(session, &problem, &v))))
         .collect();
     let sum = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
     let same = SAME[usize::from(session.prior.is_some())];
@@ -89,17 +88,7 @@ fn at_best_start<'a>(
         let variant = Variant { group: own.group.clone(), ..Variant::new(session, own.effect, target, start) };
         let columns = variant.columns(session, problem)?;
         let (s, c) = problem.reduce_all(&columns);
-        Some((crate::candidate::solve(&s, &c, &variant.coefficients).1, variant))
+        Some((solve(&s, &c, &variant.coefficients).1, variant))
     };
     starts.into_iter().filter_map(with_gain).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, variant)| variant)
-}
-
-/// Fitted to all rows and in every fold.
-fn fitted<'a>(session: &Session<'_>, problem: &Problem, variant: Variant<'a>) -> Option<Scored<'a>> {
-    if variant.effect.nonlinear(session.scene, variant.target).is_empty() {
-        let columns = variant.columns(session, problem)?;
-        return Some(score(problem, variant, &problem.reduce(&columns)));
-    }
-    let better = improve(session, problem, &variant, FULL_STEPS).map_or(variant, |(better, _)| better);
-    score_fitted(session, problem, better)
 }

@@ -10,10 +10,9 @@
 use crate::candidate::{Scored, Variant, solve};
 use crate::ladder::is_at_bound;
 use crate::limits::SAME;
-use crate::nonlinear::{improve, score_fitted};
+use crate::nonlinear::{FULL_STEPS, improve, score_fitted};
 use crate::options::DiscoverOptions;
 use crate::problem::Problem;
-use crate::rank::FULL_STEPS;
 use crate::rivals::Rival;
 use crate::session::Session;
 use crate::statistics::sign_flip_p;

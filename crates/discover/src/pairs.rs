@@ -9,9 +9,9 @@ use crate::candidate::{Scored, Variant, score, solve};
 use crate::judge::is_trivial;
 use crate::ladder::Refit;
 use crate::limits::SAME;
-use crate::nonlinear::{improve, score_fitted};
+use crate::nonlinear::fitted;
 use crate::problem::Problem;
-use crate::rank::{EffectScore, FULL_STEPS};
+use crate::rank::EffectScore;
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use nalgebra::DMatrix;
@@ -150,8 +150,7 @@ fn best_pair<'e>(search: &Search<'_, 'e>) -> Option<Pair<'e>> {
     let mut refined = parts[bent].1.clone();
     if nonlinear(bent) > 0
         && let Some(beside) = refit.with(session, problem.domain, &parts[plain].1)
-        && let Some((better, _)) = improve(session, &beside, &parts[bent].1, FULL_STEPS)
-        && let Some(own) = score_fitted(session, &beside, better)
+        && let Some(own) = fitted(session, &beside, &parts[bent].1)
     {
         let own_error = own.fold_error.iter().sum::<f64>();
         if own_error < error {
@@ -250,13 +249,7 @@ pub(crate) fn pair_alone<'a>(
         .collect();
     gains.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
     let fit = |variant: &Variant<'a>, other: &Variant<'a>| -> Option<Scored<'a>> {
-        let with_other = refit.with(session, problem.domain, other)?;
-        if variant.nonlinear.is_empty() {
-            let columns = variant.columns(session, &with_other)?;
-            return Some(score(&with_other, variant.clone(), &with_other.reduce(&columns)));
-        }
-        let (better, _) = improve(session, &with_other, variant, FULL_STEPS)?;
-        score_fitted(session, &with_other, better)
+        fitted(session, &refit.with(session, problem.domain, other)?, variant)
     };
     let fitted: Vec<(Scored<'a>, Scored<'a>, f64)> = gains
         .into_par_iter()

@@ -11,6 +11,9 @@ use aloft_regressor::StretchKind;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
 
+/// Number of rows that count as one independent observation: windows overlap by three quarters.
+pub(crate) const OVERLAP: f64 = 3.0;
+
 /// Rows used for judging.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Domain {

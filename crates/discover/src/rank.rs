@@ -3,8 +3,8 @@
 
 use crate::candidate::{Scored, Variant, pseudo_inverse, score, solve};
 use crate::groups::group;
-use crate::nonlinear::{improve, score_fitted};
-use crate::problem::{Domain, Problem, Reduced};
+use crate::nonlinear::{FULL_STEPS, improve, score_fitted};
+use crate::problem::{Domain, OVERLAP, Problem, Reduced};
 use crate::session::Session;
 use aloft_effects::{Effect, Target};
 use nalgebra::{DMatrix, DVector};
@@ -12,10 +12,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-/// Number of rows that count as one independent observation: windows overlap by three quarters.
-pub(crate) const OVERLAP: f64 = 3.0;
-
-/// Gauss-Newton steps of the first pass, and of the final fit.
+/// Gauss-Newton steps of the first pass.
 const QUICK_STEPS: usize = 5;
 /// Share of the squared error that an effect has to remove before `Target::Shape` is tried.
 const SHAPED: f64 = 0.5;
@@ -25,7 +22,6 @@ const ABSENT: f64 = 0.25;
 const CLEARLY: f64 = 4.0;
 /// Number of targets whose best start is fitted with the full number of steps.
 const FINISHED: usize = 4;
-pub(crate) const FULL_STEPS: usize = 20;
 
 /// An effect with its variants and its nested held-out error.
 pub(crate) struct EffectScore<'a> {

@@ -17,8 +17,7 @@
 
 use crate::candidate::{Variant, pseudo_inverse};
 use crate::options::DiscoverOptions;
-use crate::problem::{Domain, Problem};
-use crate::rank::OVERLAP;
+use crate::problem::{Domain, OVERLAP, Problem};
 use crate::result::Estimate;
 use crate::session::Session;
 use aloft_effects::{EFFECTS, Effect, Target};

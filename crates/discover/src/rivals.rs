@@ -3,10 +3,10 @@
 use crate::candidate::{Scored, Variant, score};
 use crate::ladder::sharpened;
 use crate::limits::limit;
-use crate::nonlinear::{improve, score_fitted};
+use crate::nonlinear::{FULL_STEPS, improve, score_fitted};
 use crate::options::DiscoverOptions;
 use crate::problem::Problem;
-use crate::rank::{EffectScore, FULL_STEPS};
+use crate::rank::EffectScore;
 use crate::result::Candidate;
 use crate::session::Session;
 use aloft_effects::{Effect, ParameterKind, Target};
