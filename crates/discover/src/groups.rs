@@ -5,6 +5,7 @@
 //! gets the change of the mass and of the first moment of the link as unknowns (a point mass at the
 //! link's centre of mass, and its derivatives with respect to the place). The trials are then
 //! divided into two sets so that one common change in the first set removes most of the error.
+//! Where force plates tell in which trials the body is heavier, they divide the trials.
 
 use crate::candidate::{Variant, pseudo_inverse};
 use crate::problem::{Cluster, Domain, OVERLAP, Problem};

@@ -12,6 +12,7 @@
 //! | refit | `candidate` | bounded coefficients |
 //! | refit | `nonlinear` | Gauss-Newton on the nonlinear parameters, again in each fold |
 //! | ranking | `rank` | choice of target inside each fold, sign-flip null over all effects |
+//! | ranking | `groups` | the trials in which a load was carried, from force plates or from flights |
 //! | ranking | `statistics` | intervals over clusters |
 //! | ranking | `placebo` | effects without physical basis |
 //! | judgement | `discover`, `ladder`, `pairs` | rounds, pruning, pairs of effects |
@@ -19,7 +20,9 @@
 //! | judgement | `beside` | several effects, each judged again beside the others |
 //! | judgement | `judge`, `exchange` | accepted effects, effects that cannot be told apart |
 //! | joints | `joints` | laws of a robot's joints, from what held-out flights leave in their torques |
-//! | judgement | `words` | the result in words |
+//! | judgement | `contact` | what force plates say of effects that flights named |
+//! | judgement | `on_which_link` | other links on which an effect explains as much |
+//! | judgement | `wording` | the result in words |
 //! | intervals | `repeating` | wider intervals for errors that repeat from trial to trial |
 //! | ladder | `addition` | held-out error before and after one more effect |
 //! | self-test | `self_test` | inject and recover on the user's own recordings |

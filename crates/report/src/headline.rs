@@ -129,7 +129,10 @@ fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceE
         None if story.comparison.as_ref().is_some_and(|v| v.too_few_to_ask()) => format!("{wrong}."),
         None => format!("{wrong}. `discover` has not been run."),
         Some(d) => match d.verdict {
-            Verdict::Supported => format!("{wrong}, and `{}` is missing.", named(d).join("` and `")),
+            Verdict::Supported => {
+                let (keys, verb) = (named(d), if named(d).len() == 1 { "is" } else { "are" });
+                format!("{wrong}, and `{}` {verb} missing.", keys.join("` and `"))
+            }
             Verdict::OneOf => match d.groups.len() {
                 0 | 1 => format!("{wrong}: one of {} effects is missing.", d.effects.len()),
                 n => format!("{wrong}: {n} effects are missing, of which not all can be told from others."),
