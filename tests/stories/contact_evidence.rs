@@ -22,8 +22,8 @@ fn contact_tells_apart_what_flights_cannot() {
 }
 
 /// In flight an added mass describes the pull of a crane overhead, too, and is simpler: the crane
-/// was left out in its favour, then the plates ruled the added mass out, and a change of gravity was
-/// all that remained.
+/// was left out in its favour, then the plates ruled the added mass out, and a change of gravity
+/// was all that remained.
 #[test]
 fn what_the_plates_rule_out_leaves_nothing_else_out() {
     let found = discovered("human_crane", &["--closed"]);

@@ -61,9 +61,9 @@ fn light_loads_on_both_arms_in_some_trials_are_found_as_loads() {
     }
 }
 
-/// Each load was hidden by the other, and flights alone prefer another division of the jumps: a load
-/// on the torso was named, and then a wrong body mass in the loaded jumps. The plates tell in which
-/// jumps the body is heavier. A load at a knee moves with the shank and with the thigh.
+/// Each load was hidden by the other, and flights alone prefer another division of the jumps: a
+/// load on the torso was named, and then a wrong body mass in the loaded jumps. The plates tell in
+/// which jumps the body is heavier. A load at a knee moves with the shank and with the thigh.
 #[test]
 fn loads_are_sought_in_the_recordings_in_which_the_plates_show_more_mass() {
     let found = discovered_on("human_loaded_shanks", "human");
