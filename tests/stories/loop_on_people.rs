@@ -23,7 +23,16 @@ fn a_line_that_nobody_wrote_down_is_found_and_the_error_falls_to_the_twins() {
         "{}",
         found["words"]
     );
-    expect(&["effect", "add", &demo, "tether", "--workspace", &ws], 0);
+    // the line changes mass and free fall as they are measured; with it in the model neither is
+    // offered as a correction
+    let offered = || -> Vec<serde_json::Value> {
+        json(&["check", &demo, "--workspace", &ws, "--json"])["offers"].as_array().unwrap().clone()
+    };
+    let by_force = ["mass_kg", "rate_ratio", "vertical_deg"];
+    assert!(offered().iter().any(|o| by_force.contains(&o["key"].as_str().unwrap())), "the test has lost its case");
+    let (_, said) = expect(&["effect", "add", &demo, "tether", "--workspace", &ws], 0);
+    assert!(!said.contains("starting values"), "{said}");
+    assert!(offered().iter().all(|o| !by_force.contains(&o["key"].as_str().unwrap())), "{:?}", offered());
 
     let ladder = json(&["history", &demo, "--workspace", &ws, "--json"]);
     let rung = &ladder["revisions"][1];

@@ -214,6 +214,7 @@ pub fn add(
         let scene = asked.scene(session)?;
         let known = KnownEffects::of(&session.own_effects, &scene)?;
         let (chosen, choice) = asked.chosen(&known, &scene, key, set)?;
+        notes.extend(asked.unfitted(&choice, &scene, key, set));
         if effects.iter().any(|e| e.key == chosen.key) {
             return Err(PipelineError::request_hint(
                 format!("the model holds `{}` already", chosen.key),
@@ -266,6 +267,27 @@ impl Asked {
     /// True if it holds values for an effect.
     fn names(&self, key: &str) -> bool {
         self.found.as_ref().is_some_and(|d| suggestion(d, key).is_some())
+    }
+
+    /// What the model does not know of an effect that the discovery did not fit, in words.
+    fn unfitted(&self, choice: &EffectInstance<'_>, scene: &Scene, key: &str, set: &[(String, f64)]) -> Option<String> {
+        if self.names(key) || choice.effect.acts().in_joints() {
+            return None;
+        }
+        let parameters = choice.effect.nonlinear(scene, choice.target);
+        let names = parameters.iter().map(|p| p.name.as_str());
+        let start: Vec<&str> = names.filter(|n| !set.iter().any(|(given, _)| given == n)).collect();
+        let key = choice.key(scene);
+        let fits = "`aloft discover` fits it to these recordings; run it first";
+        Some(match start.as_slice() {
+            [] => format!(
+                "the interval of `{key}` does not contain the geometry of the body, which is known only roughly: {fits}"
+            ),
+            [..] => format!(
+                "`{key}` has starting values ({}), and its interval holds for these only: {fits}",
+                start.join(", ")
+            ),
+        })
     }
 
     /// The scene in which its columns were formed.

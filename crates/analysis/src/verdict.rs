@@ -54,6 +54,9 @@ pub fn shown_coefficient(c: &Candidate) -> Option<&Estimate> {
     of_first_unit(c).find(|e| size(e) >= largest)
 }
 
+/// Up to this number of clusters there are fewer than 100 patterns of signs.
+const FEW_PATTERNS: usize = 7;
+
 /// What the evidence for the named effects is: what the first of them leaves of the error, and what
 /// chance alone would; none where none is named.
 pub fn how_sure(d: &Discovery) -> Option<String> {
@@ -76,14 +79,17 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
         "it".to_owned()
     };
     let then = if several { beside_others(d, best).unwrap_or_default() } else { String::new() };
+    // n recordings have 2ⁿ⁻¹ patterns of signs up to a common one
+    let by_chance = if round.clusters <= FEW_PATTERNS {
+        format!("does as well with a probability of at most {:.2}", best.family_wise_p)
+    } else {
+        format!("leaves less than {} % in {} of 100 cases", percent(chance), percent(share))
+    };
     Some(format!(
-        "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{then}; by chance the best of all candidates leaves less \
-         than {} % in {} of 100 cases",
+        "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{then}; by chance the best of all candidates {by_chance}",
         percent(best.held_out_ratio),
         percent(best.ci95[0]),
         percent(best.ci95[1]),
-        percent(chance),
-        percent(share)
     ))
 }
 

@@ -3,7 +3,6 @@
 
 use crate::by_stages::Staged;
 use crate::candidate::Variant;
-use crate::contact::Refused;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
 use crate::laws::{Direction, FoundLaw, Line, OpenWorld};
@@ -11,6 +10,7 @@ use crate::only_as_limit::is_far_away;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
+use crate::refused::Refused;
 use crate::result::{Discovery, Verdict};
 use crate::session::Session;
 use aloft_effects::{Effect, EffectInstance};

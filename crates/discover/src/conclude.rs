@@ -3,13 +3,13 @@
 use crate::addition::addition;
 use crate::beyond::look_beyond;
 use crate::candidate::Variant;
-use crate::contact::Refused;
 use crate::held_out::{HeldOutResult, LACK_OF_FIT};
 use crate::ladder::extra_columns;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::rank::judged_in;
+use crate::refused::{Refused, Unnamed};
 use crate::repeating::widen;
 use crate::result::{Candidate, Discovery, Found, Group, NotTried, Round, Verdict};
 use crate::round::wanted;
@@ -18,6 +18,7 @@ use crate::wording;
 use aloft_effects::{Effect, EffectInstance};
 
 /// What the rounds of a discovery made.
+#[derive(Clone)]
 pub(crate) struct RoundResults<'a> {
     /// Rounds in their order.
     pub rounds: Vec<Round>,
@@ -33,6 +34,17 @@ pub(crate) struct RoundResults<'a> {
     pub errors: [f64; 2],
     /// True if the session has flights.
     pub has_flights: bool,
+}
+
+impl RoundResults<'_> {
+    /// The same with nothing named, and why.
+    pub fn naming_nothing(mut self, why: String) -> Self {
+        for round in self.rounds.iter_mut().filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf)) {
+            round.superseded = true;
+        }
+        let before = self.errors[0];
+        Self { found: Vec::new(), kept: Vec::new(), contradicted: Some(why), errors: [before; 2], ..self }
+    }
 }
 
 /// Widens the intervals of the effects found by what repeats in every trial of a person.
@@ -99,7 +111,7 @@ fn groups<'r>(rounds: impl Iterator<Item = &'r Round>, found: &[Found]) -> Vec<G
     out
 }
 
-/// The answer, or the first effect found in flight that contact refuses.
+/// The answer, or what was found and is not named.
 pub(crate) fn conclude(
     session: &Session<'_>,
     effects: &[&dyn Effect],
@@ -107,7 +119,7 @@ pub(crate) fn conclude(
     made: RoundResults<'_>,
     until: &Until,
     options: &DiscoverOptions,
-) -> Result<Discovery, Refused> {
+) -> Result<Discovery, Unnamed> {
     let RoundResults { mut rounds, mut found, kept, contradicted, left_out, errors: [before, after], has_flights } =
         made;
     let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
@@ -168,14 +180,15 @@ pub(crate) fn conclude(
             round.held_out_error *= s.held_out_error / first;
         }
     }
+    // what the user asks for by name is answered as asked
+    let asked_for_all = options.only.is_empty();
     // remaining error with the effects found, in each domain: computed by the stages, or estimated
     let computed = if lost { None } else { session.by_stages.with(&found) };
-    // what the user asks for by name is answered as asked
-    if let Some(staged) = computed.as_ref().filter(|_| has_flights && options.only.is_empty())
+    if let Some(staged) = computed.as_ref().filter(|_| has_flights && asked_for_all)
         && let Some((v, f)) = kept.iter().zip(&found).find(|(v, _)| v.effect.acts().in_flight())
         && let Some(no) = Refused::by_stages(v.effect.id(), &f.key, session.model_error[1], staged.errors[1])
     {
-        return Err(no);
+        return Err(Unnamed::One(no));
     }
     let estimated = |i: usize| -> Option<HeldOutResult> {
         let model_error = session.model_error[i]?;
@@ -199,6 +212,10 @@ pub(crate) fn conclude(
             let its = candidates.iter_mut().filter(|c| c.key == only.key && c.trials == only.trials);
             its.for_each(|c| c.coefficients.clone_from(&only.coefficients));
         }
+    }
+    let empty = || kept.iter().zip(&found).find_map(|(v, f)| Refused::without_what_makes_it(&v.coefficients, f));
+    if asked_for_all && let Some(no) = empty() {
+        return Err(if found.len() == 1 { Unnamed::All(no.words) } else { Unnamed::One(no) });
     }
     let mut out = Discovery {
         schema: 1,

@@ -12,7 +12,6 @@
 //! the opposite of it; with the right effect the parameters become better, and the error in contact
 //! falls or stays. There the parameters are those that the user will get.
 
-use crate::held_out::HeldOutResult;
 use crate::ladder::{Refit, extra_columns};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
@@ -20,7 +19,6 @@ use crate::rank::score_effect;
 use crate::rivals::Rival;
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
-use crate::wording::digits;
 use aloft_effects::Target;
 use rayon::prelude::*;
 
@@ -32,36 +30,6 @@ const WORSE_IN_CONTACT: f64 = 1.1;
 /// Mean square error in contact with effects over that without them, above which contact
 /// contradicts them.
 const CONTRADICTED: f64 = 1.1;
-/// The same of root mean squares, as computed by all stages. On the sets for development the right
-/// effects leave less than the error before.
-const RISES: f64 = 1.15;
-
-/// An effect or law that is not named, although it lowers the error in flight.
-pub(crate) struct Refused {
-    /// Identifier.
-    pub id: String,
-    /// Reason, in words.
-    pub words: String,
-}
-
-impl Refused {
-    /// What was found in flight is refused if all stages compute more error in contact with it than
-    /// without it, and more than the floor there.
-    pub fn by_stages(id: &str, key: &str, without: Option<HeldOutResult>, with: Option<HeldOutResult>) -> Option<Self> {
-        let (without, with) = (without?, with?);
-        let rises = with.held_out_error > RISES * without.held_out_error;
-        let above = with.noise_floor_ci95.is_some() && !with.reached_by(with.held_out_error);
-        let newtons = |e: &HeldOutResult| digits(e.held_out_error, 3);
-        (rises && above).then(|| Self {
-            id: id.to_owned(),
-            words: format!(
-                "`{key}` is not named: it lowers the error in flight, and the error in contact rises from {} to {} N with it",
-                newtons(&without),
-                newtons(&with)
-            ),
-        })
-    }
-}
 
 /// True if contact rules out the second of two effects, or of two links for one effect: held-out
 /// errors in contact by fold, and in flight as a sum.

@@ -4,7 +4,6 @@ use crate::DiscoverError;
 use crate::beside::{Several, judge_each_beside_the_others};
 use crate::candidate::{Scored, Variant};
 use crate::conclude::{RoundResults, conclude, widen_found, widen_named};
-use crate::contact::Refused;
 use crate::held_out::HeldOutResult;
 use crate::judge::AtFloor;
 use crate::ladder::{Refit, as_found, extra_columns, key_of, prune, refit_found, to_build_on};
@@ -16,6 +15,7 @@ use crate::pairs::{ALONE, CARRIED, Search, better_pair, pair_alone, pair_as_good
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::rank::{EffectScore, judged_in};
+use crate::refused::{Refused, Unnamed};
 use crate::result::{Discovery, FEWEST_CLUSTERS, Found, NotTried, Round, Verdict};
 use crate::rivals::Rival;
 use crate::round::{run_round, wanted};
@@ -380,5 +380,14 @@ fn without_refused(
     widen_named(session, accepted, effects, &kept, &mut rounds, options);
     name_other_links(session, accepted, &kept, &mut found, options);
     let made = RoundResults { rounds, found, kept, contradicted, left_out, errors: [before, after], has_flights };
-    Ok(conclude(session, effects, accepted, made, until, options))
+    let answer = match conclude(session, effects, accepted, made.clone(), until, options) {
+        Err(Unnamed::All(why)) => conclude(session, effects, accepted, made.naming_nothing(why), until, options),
+        answer => answer,
+    };
+    match answer {
+        Ok(answer) => Ok(Ok(answer)),
+        Err(Unnamed::One(refused)) => Ok(Err(refused)),
+        // with nothing named there is nothing to refuse
+        Err(Unnamed::All(why)) => Err(DiscoverError::Numeric(why)),
+    }
 }

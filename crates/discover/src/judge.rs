@@ -14,6 +14,7 @@ use crate::result::{Alternative, Candidate, Confusion, Estimate, RivalTest, Verd
 use crate::rivals::{Rival, is_alias};
 use crate::session::{Block, Session};
 use crate::statistics::{jackknife_se, sign_flip_p};
+use aloft_effects::Coefficient;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -89,20 +90,22 @@ pub(crate) fn plausible(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
         moved |= estimate.value != 0.0;
     }
     // a coefficient of one permitted sign is zero if the data ask for the other sign
-    let main = bounds.first().is_some_and(|b| b.lower == 0.0 && estimates[0].value <= 0.0) && bounds.len() <= 2;
-    moved && !main && !is_only_secondary(scored, estimates)
+    let absent = bounds.first().is_some_and(|b| b.lower == 0.0 && estimates[0].value <= 0.0);
+    moved && !absent && accompanied(bounds, estimates).is_none()
 }
 
-/// True if what makes the effect is not seen, and what accompanies it is: a line of no stiffness
-/// that only damps is no line.
-fn is_only_secondary(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
-    let zero_inside = |e: &Estimate| e.ci95.is_none_or(|[low, high]| low <= 0.0 && high >= 0.0);
-    match (scored.variant.coefficients.as_slice(), estimates) {
-        ([main, other], [first, second]) => {
-            main.lower == 0.0 && other.lower < 0.0 && zero_inside(first) && !zero_inside(second)
-        }
-        _ => false,
-    }
+/// Names of the coefficients that make an effect, if none of them differs from zero, and of those
+/// that accompany them and do: a line of no stiffness that only damps is no line, and a thrust of no
+/// force that only turns is no thrust. What makes an effect is its first coefficient if that cannot
+/// be negative, otherwise all with the unit of the first.
+pub(crate) fn accompanied(coefficients: &[Coefficient], estimates: &[Estimate]) -> Option<[Vec<String>; 2]> {
+    let first = coefficients.first()?;
+    let is_main = |c: &Coefficient| if first.lower == 0.0 { c.name == first.name } else { c.unit == first.unit };
+    let is_seen = |e: &Estimate| e.ci95.is_some_and(|[low, high]| low > 0.0 || high < 0.0);
+    let (main, others): (Vec<_>, Vec<_>) = coefficients.iter().zip(estimates).partition(|(c, _)| is_main(c));
+    let names = |of: &[(&Coefficient, &Estimate)]| of.iter().map(|(c, _)| c.name.clone()).collect();
+    let seen: Vec<_> = others.into_iter().filter(|(_, e)| is_seen(e)).collect();
+    (!seen.is_empty() && !main.iter().any(|(_, e)| is_seen(e))).then(|| [names(&main), names(&seen)])
 }
 
 /// Effect size at which the held-out ratio falls below the threshold in four of five sessions.
@@ -333,4 +336,46 @@ fn test_rival(
         out.separated = made.map_or(ratio < NEARLY, |m| m.exceeded_by(-2.0 * ratio.ln()));
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimate(value: f64, half: Option<f64>) -> Estimate {
+        Estimate {
+            name: String::new(),
+            value,
+            se: f64::NAN,
+            ci95: half.map(|h| [value - h, value + h]),
+            freedom: f64::NAN,
+            at_bound: false,
+            widening: 1.0,
+            unit: String::new(),
+        }
+    }
+
+    /// What makes an effect: the force of a thrust, the stiffness of a line, the mass that wobbles.
+    #[test]
+    fn an_effect_of_which_only_what_accompanies_it_is_seen_is_told() {
+        let vector = |name, unit| Coefficient::vector_on_link(name, unit, f64::INFINITY);
+        let thrust: Vec<Coefficient> = vector("force", "N").into_iter().chain(vector("moment", "N*m")).collect();
+        let zero = || estimate(1.0, Some(1.5));
+        let seen = || estimate(-2.0, Some(0.5));
+        let only_turns = [zero(), zero(), zero(), zero(), zero(), seen()];
+        let [main, others] = accompanied(&thrust, &only_turns).expect("no force");
+        assert_eq!((main.len(), others), (3, vec!["moment_z".to_owned()]));
+        assert!(accompanied(&thrust, &[zero(), seen(), zero(), zero(), zero(), seen()]).is_none());
+        // nothing is seen of it at all: the interval is wide, as that of a line whose anchor is unknown
+        assert!(accompanied(&thrust, &std::array::from_fn::<_, 6, _>(|_| zero())).is_none());
+
+        let line = [Coefficient::positive("stiffness", "N/m"), Coefficient::free("damping", "N*s/m")];
+        assert!(accompanied(&line, &[zero(), seen()]).is_some());
+        assert!(accompanied(&line, &[estimate(3.0, Some(1.0)), seen()]).is_none());
+        // coefficients of the same unit do not make a mass that is not there
+        let wobbling = [Coefficient::positive("mass", "kg"), Coefficient::free("hanging", "kg")];
+        assert!(accompanied(&wobbling, &[estimate(0.0, None), seen()]).is_some());
+        // of a force every part counts
+        assert!(accompanied(&vector("force", "N"), &[zero(), zero(), seen()]).is_none());
+    }
 }

@@ -21,6 +21,7 @@
 //! | judgement | `judge`, `exchange` | accepted effects, effects that cannot be told apart |
 //! | joints | `joints` | laws of a robot's joints, from what held-out flights leave in their torques |
 //! | judgement | `contact` | what force plates say of effects that flights named |
+//! | judgement | `refused` | effects that are not named although they lower the error in flight |
 //! | judgement | `on_which_link` | other links on which an effect explains as much |
 //! | judgement | `wording` | the result in words |
 //! | intervals | `repeating` | wider intervals for errors that repeat from trial to trial |
@@ -88,6 +89,7 @@ mod placebo;
 mod problem;
 mod progress;
 mod rank;
+mod refused;
 mod repeating;
 mod result;
 mod rivals;

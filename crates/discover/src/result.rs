@@ -383,7 +383,7 @@ impl Found {
     /// Other links on which it explains as much, in words; none if the recordings tell its link.
     pub fn other_links(&self) -> Option<String> {
         let names: Vec<String> = self.also_on.iter().map(|name| format!("`{name}`")).collect();
-        (!names.is_empty()).then(|| format!("on {} it explains as much", names.join(" or ")))
+        (!names.is_empty()).then(|| format!("it would explain as much on {}", names.join(" or ")))
     }
 
     /// True if both put the same effect into a model, whatever its coefficients are estimated at.

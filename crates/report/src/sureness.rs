@@ -60,7 +60,7 @@ pub(crate) fn missing(story: &Story<'_>) -> String {
         } else if own.is_empty() {
             "Not asked: `discover` looks for the effect that the model is missing.".to_owned()
         } else {
-            format!("`{}` was missing and is in the model now. `discover` has not been run since.", own.join("`, `"))
+            format!("`{}` is in the model; `discover` has not been run since.", own.join("`, `"))
         };
     };
     match d.verdict {

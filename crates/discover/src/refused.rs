@@ -1,0 +1,64 @@
+//! Effects and laws that lower the error in flight and are not named all the same.
+
+use crate::held_out::HeldOutResult;
+use crate::judge::accompanied;
+use crate::result::Found;
+use crate::wording::digits;
+use aloft_effects::Coefficient;
+
+/// Error in contact with an effect over that without it, as computed by all stages, above which
+/// contact speaks against the effect. On the sets for development the right effects leave less than
+/// the error before.
+const RISES: f64 = 1.15;
+
+/// An effect or law that is not named, although it lowers the error in flight.
+pub(crate) struct Refused {
+    /// Identifier.
+    pub id: String,
+    /// Reason, in words.
+    pub words: String,
+}
+
+/// What is not named of the effects that the rounds found.
+pub(crate) enum Unnamed {
+    /// One of them: the ranking is made again without it.
+    One(Refused),
+    /// All of them, for a reason in words.
+    All(String),
+}
+
+impl Refused {
+    /// What was found in flight is refused if all stages compute more error in contact with it than
+    /// without it, and more than the floor there.
+    pub fn by_stages(id: &str, key: &str, without: Option<HeldOutResult>, with: Option<HeldOutResult>) -> Option<Self> {
+        let (without, with) = (without?, with?);
+        let rises = with.held_out_error > RISES * without.held_out_error;
+        let above = with.noise_floor_ci95.is_some() && !with.reached_by(with.held_out_error);
+        let newtons = |e: &HeldOutResult| digits(e.held_out_error, 3);
+        (rises && above).then(|| Self {
+            id: id.to_owned(),
+            words: format!(
+                "`{key}` is not named: it lowers the error in flight, and the error in contact rises from {} to {} N with it",
+                newtons(&without),
+                newtons(&with)
+            ),
+        })
+    }
+
+    /// An effect of which only what accompanies it differs from zero ([`accompanied`]) is refused.
+    pub fn without_what_makes_it(coefficients: &[Coefficient], found: &Found) -> Option<Self> {
+        let [main, others] = accompanied(coefficients, &found.coefficients)?;
+        let are = |names: &[String]| if names.len() == 1 { "is" } else { "are" };
+        Some(Self {
+            id: found.effect.clone(),
+            words: format!(
+                "`{}` is not named: {} {} not different from zero (95 % intervals), only {} {}",
+                found.key,
+                main.join(", "),
+                are(&main),
+                others.join(", "),
+                are(&others)
+            ),
+        })
+    }
+}
