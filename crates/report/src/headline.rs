@@ -4,7 +4,7 @@ use super::commands::command;
 use super::place_errors::{self, PlaceError, asked, effects, errors_by_place};
 use super::session;
 use super::story::Story;
-use super::sureness::{how_sure, laws, missing, named};
+use super::sureness::{how_sure, laws, missing, named, with_links};
 use super::wording::{count, number};
 use aloft_analysis::compare::ComparisonView;
 use aloft_analysis::next_step::{Because, NextStep, step};
@@ -130,8 +130,8 @@ fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceE
         None => format!("{wrong}. `discover` has not been run."),
         Some(d) => match d.verdict {
             Verdict::Supported => {
-                let (keys, verb) = (named(d), if named(d).len() == 1 { "is" } else { "are" });
-                format!("{wrong}, and `{}` {verb} missing.", keys.join("` and `"))
+                let keys: Vec<String> = named(d).iter().map(|key| with_links(key, d)).collect();
+                format!("{wrong}, and {} {} missing.", keys.join(" and "), if keys.len() == 1 { "is" } else { "are" })
             }
             Verdict::OneOf => match d.groups.len() {
                 0 | 1 => format!("{wrong}: one of {} effects is missing.", d.effects.len()),

@@ -36,6 +36,12 @@ pub(crate) fn named(d: &Discovery) -> Vec<String> {
     if keys.is_empty() { d.effects.clone() } else { keys }
 }
 
+/// A key with the other links on which the effect may act.
+pub(crate) fn with_links(key: &str, d: &Discovery) -> String {
+    let others = d.found.iter().find(|f| f.key == key).map_or(&[][..], |f| &f.also_on);
+    if others.is_empty() { format!("`{key}`") } else { format!("`{key}` (or on `{}`)", others.join("` or `")) }
+}
+
 /// What a candidate is, with its coefficients.
 fn described(key: &str, d: &Discovery) -> String {
     let of = |c: &aloft_discover::Estimate| {

@@ -10,14 +10,13 @@ const ABOUT: About<'static> = About {
     id: "wobbling_mass",
     title: "wobbling mass",
     separated_by: Separation::Impacts,
-    unbounded: "a mass is not negative; its natural limit, the mass of the link, is itself unknown, and what hung before may ring in either sense",
     documentation: "\
 ## Physics
 Soft tissue follows the bone late and rings after take-off and landing. A part of the link's mass hangs on a spring and a damper at a point of the link.
 
 ## Equation
 Offset x of the mass: `x'' = g - a - 2 z w (x' - omega x x) - w2 x`, a the acceleration of the point, omega the angular velocity of the link, w = 2 pi f. Against a rigid link the body feels `-m x''` at the point. \
-Coefficients (kg): mass `m` (positive), driven through the 0.4 s that lead up to the stretch, or from no offset where none were recorded; `hanging`, which hung at rest in gravity when the stretch began and rings freely from there \
+Coefficients (kg; none larger than the mass of the body): mass `m` (positive), driven through the 0.4 s that lead up to the stretch, or from no offset where none were recorded; `hanging`, which hung at rest in gravity when the stretch began and rings freely from there \
 (m for a body let go at rest, more after a take-off); `turning`, the same for an offset at rest in the first frame's field (m for a body that had long been turning). \
 Nonlinear: frequency f (2-20 Hz), damping ratio z (0.02-1), the point p within 0.3 m of the link's centre of mass. For w far above the motion the first is the quasi-static `-(m/w2) d2(a - g)/dt2`.
 
@@ -44,11 +43,13 @@ impl Effect for WobblingMass {
     fn targets(&self, scene: &Scene) -> Vec<Target> {
         Target::links(scene)
     }
-    fn coefficients(&self, _: &Scene, _: Target) -> Vec<Coefficient> {
+    fn coefficients(&self, scene: &Scene, _: Target) -> Vec<Coefficient> {
+        // no more than the body can wobble; what hung before may ring in either sense
+        let most = scene.mass_kg;
         vec![
-            Coefficient::positive("mass", "kg"),
-            Coefficient::free("hanging", "kg"),
-            Coefficient::free("turning", "kg"),
+            Coefficient::within("mass", "kg", 0.0, most),
+            Coefficient::within("hanging", "kg", -most, most),
+            Coefficient::within("turning", "kg", -most, most),
         ]
     }
     fn nonlinear(&self, scene: &Scene, target: Target) -> Vec<NonlinearParameter> {
