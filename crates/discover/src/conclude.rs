@@ -213,7 +213,7 @@ pub(crate) fn conclude(
             its.for_each(|c| c.coefficients.clone_from(&only.coefficients));
         }
     }
-    let empty = || kept.iter().zip(&found).find_map(|(v, f)| Refused::without_what_makes_it(&v.coefficients, f));
+    let empty = || kept.iter().zip(&found).find_map(|(v, f)| Refused::without_what_makes_it(v, f));
     if asked_for_all && let Some(no) = empty() {
         return Err(if found.len() == 1 { Unnamed::All(no.words) } else { Unnamed::One(no) });
     }

@@ -14,7 +14,7 @@ use crate::result::{Alternative, Candidate, Confusion, Estimate, RivalTest, Verd
 use crate::rivals::{Rival, is_alias};
 use crate::session::{Block, Session};
 use crate::statistics::{jackknife_se, sign_flip_p};
-use aloft_effects::Coefficient;
+use aloft_effects::{Coefficient, Effect};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -90,19 +90,27 @@ pub(crate) fn plausible(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
         moved |= estimate.value != 0.0;
     }
     // a coefficient of one permitted sign is zero if the data ask for the other sign
-    let absent = bounds.first().is_some_and(|b| b.lower == 0.0 && estimates[0].value <= 0.0);
-    moved && !absent && accompanied(bounds, estimates).is_none()
+    let effect = scored.variant.effect;
+    let absent = |(b, e): (&Coefficient, &Estimate)| b.lower == 0.0 && e.value <= 0.0;
+    let all_absent = bounds.iter().zip(estimates).filter(|(b, _)| makes(effect, b)).all(absent);
+    moved && !all_absent && accompanied(effect, bounds, estimates).is_none()
+}
+
+/// True for a coefficient that makes an effect, not one that only accompanies it.
+fn makes(effect: &dyn Effect, coefficient: &Coefficient) -> bool {
+    !effect.about().accompanying.iter().any(|start| coefficient.name.starts_with(start))
 }
 
 /// Names of the coefficients that make an effect, if none of them differs from zero, and of those
 /// that accompany them and do: a line of no stiffness that only damps is no line, and a thrust of no
-/// force that only turns is no thrust. What makes an effect is its first coefficient if that cannot
-/// be negative, otherwise all with the unit of the first.
-pub(crate) fn accompanied(coefficients: &[Coefficient], estimates: &[Estimate]) -> Option<[Vec<String>; 2]> {
-    let first = coefficients.first()?;
-    let is_main = |c: &Coefficient| if first.lower == 0.0 { c.name == first.name } else { c.unit == first.unit };
+/// force that only turns is no thrust.
+pub(crate) fn accompanied(
+    effect: &dyn Effect,
+    coefficients: &[Coefficient],
+    estimates: &[Estimate],
+) -> Option<[Vec<String>; 2]> {
     let is_seen = |e: &Estimate| e.ci95.is_some_and(|[low, high]| low > 0.0 || high < 0.0);
-    let (main, others): (Vec<_>, Vec<_>) = coefficients.iter().zip(estimates).partition(|(c, _)| is_main(c));
+    let (main, others): (Vec<_>, Vec<_>) = coefficients.iter().zip(estimates).partition(|(c, _)| makes(effect, c));
     let names = |of: &[(&Coefficient, &Estimate)]| of.iter().map(|(c, _)| c.name.clone()).collect();
     let seen: Vec<_> = others.into_iter().filter(|(_, e)| is_seen(e)).collect();
     (!seen.is_empty() && !main.iter().any(|(_, e)| is_seen(e))).then(|| [names(&main), names(&seen)])
@@ -358,24 +366,24 @@ mod tests {
     /// What makes an effect: the force of a thrust, the stiffness of a line, the mass that wobbles.
     #[test]
     fn an_effect_of_which_only_what_accompanies_it_is_seen_is_told() {
-        let vector = |name, unit| Coefficient::vector_on_link(name, unit, f64::INFINITY);
-        let thrust: Vec<Coefficient> = vector("force", "N").into_iter().chain(vector("moment", "N*m")).collect();
+        let of = |id: &str, names: &[&str], estimates: &[Estimate]| {
+            let coefficients: Vec<Coefficient> = names.iter().map(|n| Coefficient::free(*n, "1")).collect();
+            accompanied(aloft_effects::effect(id).unwrap(), &coefficients, estimates)
+        };
         let zero = || estimate(1.0, Some(1.5));
         let seen = || estimate(-2.0, Some(0.5));
-        let only_turns = [zero(), zero(), zero(), zero(), zero(), seen()];
-        let [main, others] = accompanied(&thrust, &only_turns).expect("no force");
+        let six = ["force_x", "force_y", "force_z", "moment_x", "moment_y", "moment_z"];
+        let thrust = |estimates: [Estimate; 6]| of("thrust", &six, &estimates);
+        let [main, others] = thrust([zero(), zero(), zero(), zero(), zero(), seen()]).expect("no force");
         assert_eq!((main.len(), others), (3, vec!["moment_z".to_owned()]));
-        assert!(accompanied(&thrust, &[zero(), seen(), zero(), zero(), zero(), seen()]).is_none());
+        assert!(thrust([zero(), seen(), zero(), zero(), zero(), seen()]).is_none());
         // nothing is seen of it at all: the interval is wide, as that of a line whose anchor is unknown
-        assert!(accompanied(&thrust, &std::array::from_fn::<_, 6, _>(|_| zero())).is_none());
-
-        let line = [Coefficient::positive("stiffness", "N/m"), Coefficient::free("damping", "N*s/m")];
-        assert!(accompanied(&line, &[zero(), seen()]).is_some());
-        assert!(accompanied(&line, &[estimate(3.0, Some(1.0)), seen()]).is_none());
-        // coefficients of the same unit do not make a mass that is not there
-        let wobbling = [Coefficient::positive("mass", "kg"), Coefficient::free("hanging", "kg")];
-        assert!(accompanied(&wobbling, &[estimate(0.0, None), seen()]).is_some());
-        // of a force every part counts
-        assert!(accompanied(&vector("force", "N"), &[zero(), zero(), seen()]).is_none());
+        assert!(thrust(std::array::from_fn(|_| zero())).is_none());
+        let line = ["stiffness", "damping"];
+        assert!(of("tether", &line, &[zero(), seen()]).is_some());
+        assert!(of("tether", &line, &[estimate(3.0, Some(1.0)), seen()]).is_none());
+        assert!(of("wobbling_mass", &["mass", "hanging"], &[estimate(0.0, None), seen()]).is_some());
+        // areas of several links all make the drag
+        assert!(of("quadratic_drag", &["area_link0", "area_link1"], &[zero(), seen()]).is_none());
     }
 }

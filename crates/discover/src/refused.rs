@@ -1,10 +1,10 @@
 //! Effects and laws that lower the error in flight and are not named all the same.
 
+use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
 use crate::judge::accompanied;
 use crate::result::Found;
 use crate::wording::digits;
-use aloft_effects::Coefficient;
 
 /// Error in contact with an effect over that without it, as computed by all stages, above which
 /// contact speaks against the effect. On the sets for development the right effects leave less than
@@ -46,8 +46,8 @@ impl Refused {
     }
 
     /// An effect of which only what accompanies it differs from zero ([`accompanied`]) is refused.
-    pub fn without_what_makes_it(coefficients: &[Coefficient], found: &Found) -> Option<Self> {
-        let [main, others] = accompanied(coefficients, &found.coefficients)?;
+    pub fn without_what_makes_it(variant: &Variant<'_>, found: &Found) -> Option<Self> {
+        let [main, others] = accompanied(variant.effect, &variant.coefficients, &found.coefficients)?;
         let are = |names: &[String]| if names.len() == 1 { "is" } else { "are" };
         Some(Self {
             id: found.effect.clone(),

@@ -154,6 +154,9 @@ pub struct About<'a> {
     /// True for an error that the readings of unloaded plates show directly: it is not sought where
     /// every recording has such readings.
     pub shows_unloaded: bool,
+    /// Coefficients (the beginnings of their names) that accompany what makes the effect: the moment
+    /// of a thrust, the damping of a line. Alone they are another effect.
+    pub accompanying: &'a [&'a str],
     /// Reason why coefficients have no bound; empty if each has two.
     pub unbounded: &'a str,
     /// Markdown with the headings Physics, Equation, Identifiability, References.
@@ -181,6 +184,7 @@ impl About<'_> {
         uses_session_time: false,
         shows_in_free_fall: false,
         shows_unloaded: false,
+        accompanying: &[],
         unbounded: "",
         documentation: "",
     };

@@ -8,6 +8,7 @@ const ABOUT: About<'static> = About {
     title: "tether or bungee",
     becomes: &["constant_force"],
     separated_by: Separation::OtherPlaces,
+    accompanying: &["damping"],
     unbounded: "a stiffness is not negative and has no largest value; a damping of zero has to be found as zero from both sides",
     documentation: "\
 ## Physics

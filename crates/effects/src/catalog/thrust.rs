@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 const ABOUT: About<'static> = About {
     id: "thrust",
     title: "thrust fixed in a link",
+    accompanying: &["moment"],
     unbounded: "a jet may push with any force along any line",
     documentation: "\
 ## Physics

@@ -10,6 +10,7 @@ const ABOUT: About<'static> = About {
     id: "wobbling_mass",
     title: "wobbling mass",
     separated_by: Separation::Impacts,
+    accompanying: &["hanging", "turning"],
     documentation: "\
 ## Physics
 Soft tissue follows the bone late and rings after take-off and landing. A part of the link's mass hangs on a spring and a damper at a point of the link.
