@@ -154,8 +154,8 @@ pub struct About<'a> {
     /// True for an error that the readings of unloaded plates show directly: it is not sought where
     /// every recording has such readings.
     pub shows_unloaded: bool,
-    /// Coefficients (the beginnings of their names) that accompany what makes the effect: the moment
-    /// of a thrust, the damping of a line. Alone they are another effect.
+    /// Coefficients (the beginnings of their names) that accompany what makes the effect: moments
+    /// beside a force, damping beside a stiffness. Alone they are another effect.
     pub accompanying: &'a [&'a str],
     /// Reason why coefficients have no bound; empty if each has two.
     pub unbounded: &'a str,
