@@ -14,7 +14,7 @@ use crate::result::{Alternative, Candidate, Confusion, Estimate, RivalTest, Verd
 use crate::rivals::{Rival, is_alias};
 use crate::session::{Block, Session};
 use crate::statistics::{jackknife_se, sign_flip_p};
-use aloft_effects::Coefficient;
+use aloft_effects::{About, Coefficient};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -90,28 +90,23 @@ pub(crate) fn plausible(scored: &Scored<'_>, estimates: &[Estimate]) -> bool {
         moved |= estimate.value != 0.0;
     }
     // a coefficient of one permitted sign is zero if the data ask for the other sign
-    let accompanying = scored.variant.effect.about().accompanying;
+    let about = scored.variant.effect.about();
     let absent = |(b, e): (&Coefficient, &Estimate)| b.lower == 0.0 && e.value <= 0.0;
-    let all_absent = bounds.iter().zip(estimates).filter(|(b, _)| makes(accompanying, b)).all(absent);
-    moved && !all_absent && accompanied(accompanying, bounds, estimates).is_none()
-}
-
-/// True for a coefficient that makes an effect, not one that only accompanies it.
-fn makes(accompanying: &[&str], coefficient: &Coefficient) -> bool {
-    !accompanying.iter().any(|start| coefficient.name.starts_with(start))
+    let all_absent = bounds.iter().zip(estimates).filter(|(b, _)| !about.is_accompanied_by(&b.name)).all(absent);
+    moved && !all_absent && accompanied(&about, bounds, estimates).is_none()
 }
 
 /// Names of the coefficients that make an effect, if none of them differs from zero, and of those
 /// that accompany them and do: a line of no stiffness that only damps is no line, and a jet of no
 /// force that only turns is no jet.
 pub(crate) fn accompanied(
-    accompanying: &[&str],
+    about: &About<'_>,
     coefficients: &[Coefficient],
     estimates: &[Estimate],
 ) -> Option<[Vec<String>; 2]> {
     let is_seen = |e: &Estimate| e.ci95.is_some_and(|[low, high]| low > 0.0 || high < 0.0);
     let (main, others): (Vec<_>, Vec<_>) =
-        coefficients.iter().zip(estimates).partition(|(c, _)| makes(accompanying, c));
+        coefficients.iter().zip(estimates).partition(|(c, _)| !about.is_accompanied_by(&c.name));
     let names = |of: &[(&Coefficient, &Estimate)]| of.iter().map(|(c, _)| c.name.clone()).collect();
     let seen: Vec<_> = others.into_iter().filter(|(_, e)| is_seen(e)).collect();
     (!seen.is_empty() && !main.iter().any(|(_, e)| is_seen(e))).then(|| [names(&main), names(&seen)])
@@ -369,7 +364,7 @@ mod tests {
     fn an_effect_of_which_only_what_accompanies_it_is_seen_is_told() {
         let of = |accompanying: &[&str], names: &[&str], estimates: &[Estimate]| {
             let coefficients: Vec<Coefficient> = names.iter().map(|n| Coefficient::free(*n, "1")).collect();
-            accompanied(accompanying, &coefficients, estimates)
+            accompanied(&About { accompanying, ..About::PLAIN }, &coefficients, estimates)
         };
         let zero = || estimate(1.0, Some(1.5));
         let seen = || estimate(-2.0, Some(0.5));
@@ -378,7 +373,7 @@ mod tests {
         let [main, others] = jet([zero(), zero(), zero(), zero(), zero(), seen()]).expect("no force");
         assert_eq!((main.len(), others), (3, vec!["moment_z".to_owned()]));
         assert!(jet([zero(), seen(), zero(), zero(), zero(), seen()]).is_none());
-        // nothing is seen of it at all: the interval is wide, as that of a line whose anchor is unknown
+        // nothing is seen of it at all, as of a line whose anchor is unknown
         assert!(jet(std::array::from_fn(|_| zero())).is_none());
         let line = ["stiffness", "damping"];
         assert!(of(&["damping"], &line, &[zero(), seen()]).is_some());

@@ -47,8 +47,7 @@ impl Refused {
 
     /// An effect of which only what accompanies it differs from zero ([`accompanied`]) is refused.
     pub fn without_what_makes_it(variant: &Variant<'_>, found: &Found) -> Option<Self> {
-        let [main, others] =
-            accompanied(variant.effect.about().accompanying, &variant.coefficients, &found.coefficients)?;
+        let [main, others] = accompanied(&variant.effect.about(), &variant.coefficients, &found.coefficients)?;
         let are = |names: &[String]| if names.len() == 1 { "is" } else { "are" };
         Some(Self {
             id: found.effect.clone(),

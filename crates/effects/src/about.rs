@@ -164,6 +164,11 @@ pub struct About<'a> {
 }
 
 impl About<'_> {
+    /// True for a coefficient that only accompanies what makes the effect.
+    pub fn is_accompanied_by(&self, coefficient: &str) -> bool {
+        self.accompanying.iter().any(|start| coefficient.starts_with(start))
+    }
+
     /// A force that acts in flight and contact, without aliases or special properties.
     pub const PLAIN: About<'static> = About {
         id: "",
