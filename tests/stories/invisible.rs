@@ -143,7 +143,7 @@ fn an_effect_is_not_added_twice_under_two_names() {
     // nobody asked `discover` for its values
     let (out, err) = expect(&["effect", "add", &demo, "quadratic_drag", "--workspace", &ws], 0);
     let said = one_line(&format!("{out}{err}"));
-    assert!(said.contains("the interval of `quadratic_drag`") && said.contains("run it first"), "{said}");
+    assert!(said.contains("the interval of `quadratic_drag` leaves out"), "{said}");
     let before = json(&["parameters", &demo, "--workspace", &ws, "--json"]);
     let (_, said) = expect(&["effect", "add", &demo, "quadratic_drag[links]", "--workspace", &ws], 2);
     let said = one_line(&said);

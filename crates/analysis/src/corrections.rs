@@ -38,31 +38,29 @@ const SAME_ZERO_N: f64 = 3.0;
 /// Smallest zero worth correcting, N.
 const LEAST_ZERO_N: f64 = 2.0;
 
-/// Measurements that a force on the body changes: mass by impulse, vertical and magnitude of free
-/// fall.
-const CHANGED_BY_FORCES: [&str; 3] = ["impulse_mass", "vertical", "free_fall"];
-
-/// True if measurements differ from what was stated, and the model holds a force that may be the
+/// True if measurements differ from what was stated, and the model holds effects that may be the
 /// reason: no correction is offered for them.
-pub fn explained_by_forces(session: &SubjectSession, check: &SessionCheck) -> bool {
-    let is_changed = |l: &SessionLine| CHANGED_BY_FORCES.contains(&l.id) && l.status == LineStatus::Differs;
-    holds_force(session) && check.lines.iter().any(is_changed)
+pub fn explained_by_effects(session: &SubjectSession, check: &SessionCheck) -> bool {
+    check.lines.iter().any(|l| l.status == LineStatus::Differs && may_be_an_effect(session, l.id))
 }
 
-/// True if an effect of the model acts on the body in flight.
-fn holds_force(session: &SubjectSession) -> bool {
-    let acts = |id: &str| EFFECTS.iter().find(|e| e.is_called(id)).is_none_or(|e| e.acts().in_flight());
-    session.effects.iter().any(|e| acts(e.id()))
+/// True if an effect of the model may be the reason of a difference: of the mass by impulse any
+/// effect (a force, or a gain of the plates), of the vertical and free fall one that acts in flight.
+fn may_be_an_effect(session: &SubjectSession, line: &str) -> bool {
+    let in_flight = |id: &str| EFFECTS.iter().find(|e| e.is_called(id)).is_none_or(|e| e.acts().in_flight());
+    match line {
+        "impulse_mass" => !session.effects.is_empty(),
+        "vertical" | "free_fall" => session.effects.iter().any(|e| in_flight(e.id())),
+        _ => false,
+    }
 }
 
 /// The corrections that a session's measurements offer; those that its results already contain are
 /// not offered again, since the measurements then agree. The measurements do not use the model, so
-/// what a force in the model may have caused is not offered ([`explained_by_forces`]).
+/// what an effect of the model may have caused is not offered ([`explained_by_effects`]).
 pub fn offers(session: &SubjectSession, check: &SessionCheck) -> Vec<Offer> {
     let mut out = Vec::new();
-    let by_force = holds_force(session);
-    let offered = |id: &str| !(by_force && CHANGED_BY_FORCES.contains(&id));
-    let differs = |l: &&SessionLine| l.status == LineStatus::Differs && offered(l.id);
+    let differs = |l: &&SessionLine| l.status == LineStatus::Differs && !may_be_an_effect(session, l.id);
     let line = |id: &str| check.lines.iter().filter(differs).find(|l| l.id == id);
     let interval = |l: &SessionLine| {
         l.ci95.map_or(String::new(), |[a, b]| {

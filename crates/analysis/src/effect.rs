@@ -278,13 +278,13 @@ impl Asked {
         let names = parameters.iter().map(|p| p.name.as_str());
         let start: Vec<&str> = names.filter(|n| !set.iter().any(|(given, _)| given == n)).collect();
         let key = choice.key(scene);
-        let fits = "`aloft discover` fits it to these recordings; run it first";
         Some(match start.as_slice() {
             [] => format!(
-                "the interval of `{key}` does not contain the geometry of the body, which is known only roughly: {fits}"
+                "the interval of `{key}` leaves out errors of the body's geometry; `aloft discover`, run first, includes them"
             ),
             [..] => format!(
-                "`{key}` has starting values ({}), and its interval holds for these only: {fits}",
+                "{} of `{key}` are starting values that were not fitted, and its interval takes them for exact; `aloft discover`, \
+                 run first, fits them",
                 start.join(", ")
             ),
         })

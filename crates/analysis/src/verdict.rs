@@ -54,6 +54,11 @@ pub fn shown_coefficient(c: &Candidate) -> Option<&Estimate> {
     of_first_unit(c).find(|e| size(e) >= largest)
 }
 
+/// An upper bound of a probability in words: rounded up to three decimals.
+pub fn at_most(p: f64) -> String {
+    format!("{:.3}", (1000.0 * p).ceil() / 1000.0)
+}
+
 /// Up to this number of clusters there are fewer than 100 patterns of signs.
 const FEW_PATTERNS: usize = 7;
 
@@ -81,7 +86,7 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     let then = if several { beside_others(d, best).unwrap_or_default() } else { String::new() };
     // n recordings have 2ⁿ⁻¹ patterns of signs up to a common one
     let by_chance = if round.clusters <= FEW_PATTERNS {
-        format!("does as well with a probability of at most {:.2}", best.family_wise_p)
+        format!("does as well with a probability of at most {}", at_most(best.family_wise_p))
     } else {
         format!("leaves less than {} % in {} of 100 cases", percent(chance), percent(share))
     };

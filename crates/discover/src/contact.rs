@@ -13,7 +13,6 @@
 //! falls or stays. There the parameters are those that the user will get.
 
 use crate::ladder::{Refit, extra_columns};
-use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::rank::score_effect;
 use crate::rivals::Rival;
@@ -22,24 +21,14 @@ use crate::statistics::sign_flip_p;
 use aloft_effects::Target;
 use rayon::prelude::*;
 
-/// Mean square error over that of the effect that is best in contact, above which an effect is
-/// ruled out: that in contact, times that in flight. What flights prefer needs more in contact.
+/// Ratio of mean square errors, in contact times in flight, over the effect that is best in contact,
+/// above which an effect is ruled out. What flights prefer has to be worse in contact.
 const WORSE: f64 = 1.25;
-/// The same in contact alone.
+/// The ratio in contact alone that is needed as well.
 const WORSE_IN_CONTACT: f64 = 1.1;
 /// Mean square error in contact with effects over that without them, above which contact
 /// contradicts them.
 const CONTRADICTED: f64 = 1.1;
-
-/// True if contact rules out the second of two effects, or of two links for one effect: held-out
-/// errors in contact by fold, and in flight as a sum.
-pub(crate) fn is_ruled_out(in_contact: [&[f64]; 2], in_flight: [f64; 2], options: &DiscoverOptions) -> bool {
-    let sum = |errors: &[f64]| errors.iter().sum::<f64>();
-    let ratio = sum(in_contact[1]) / sum(in_contact[0]);
-    ratio > WORSE_IN_CONTACT
-        && ratio * in_flight[1] / in_flight[0] > WORSE
-        && sign_flip_p(in_contact[0], in_contact[1], 2000, options.seed ^ 0xc047) < options.significance
-}
 
 impl Refit<'_, '_> {
     /// Rows of flights and contact, judged in contact, with or without the effects found; none if
@@ -97,7 +86,10 @@ impl Refit<'_, '_> {
         if sum(least) >= plain {
             return None;
         }
-        let worse = |r: &Rival<'_>, errors: &[f64]| is_ruled_out([least, errors], [best.error(), r.error()], options);
+        let worse = |r: &Rival<'_>, errors: &[f64]| {
+            let ratio = sum(errors) / sum(least);
+            ratio > WORSE_IN_CONTACT && ratio * r.error() / best.error() > WORSE && less(least, errors)
+        };
         let (out, stay): (Vec<_>, Vec<_>) =
             left.iter().filter(|(r, _)| stands(r)).partition(|(r, errors)| worse(r, errors));
         // one that narrowly missed acceptance cannot rule the others out

@@ -48,16 +48,13 @@ impl Refused {
     /// An effect of which only what accompanies it differs from zero ([`accompanied`]) is refused.
     pub fn without_what_makes_it(variant: &Variant<'_>, found: &Found) -> Option<Self> {
         let [main, others] = accompanied(&variant.effect.about(), &variant.coefficients, &found.coefficients)?;
-        let are = |names: &[String]| if names.len() == 1 { "is" } else { "are" };
         Some(Self {
             id: found.effect.clone(),
             words: format!(
-                "`{}` is not named: {} {} not different from zero (95 % intervals), only {} {}",
+                "`{}` is not named: its {} could be zero (95 % intervals); only {} could not",
                 found.key,
                 main.join(", "),
-                are(&main),
-                others.join(", "),
-                are(&others)
+                others.join(", ")
             ),
         })
     }

@@ -3,7 +3,7 @@
 use super::headline::sentence_of;
 use super::place_errors::{asked, effects};
 use super::story::Story;
-use aloft_analysis::corrections::{explained_by_forces, offers, to_yaml};
+use aloft_analysis::corrections::{explained_by_effects, offers, to_yaml};
 use aloft_analysis::session_check::{LineStatus, SessionLine, session_check};
 use aloft_page::{Block, Cell, Light, Section, Table};
 
@@ -35,9 +35,9 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     let caption =
         "From the recordings alone; no identified model is used. Lines without an interval are plain readings.";
     let mut blocks = vec![Table::new("Session check", caption, &header, rows).into()];
-    if explained_by_forces(story.session, &checked) {
+    if explained_by_effects(story.session, &checked) {
         blocks.push(Block::text(
-            "No correction of mass, rate or vertical is offered: these measurements do not use the model, and a force that it holds changes them.",
+            "Some measurements differ, and no correction is offered for them: they do not use the model, and an effect that it holds may be the reason.",
         ));
     }
     let offered = offers(story.session, &checked);

@@ -131,9 +131,10 @@ fn evidence(story: &Story<'_>, d: &Discovery, first: Option<&PlaceError>) -> Opt
     {
         return Some(format!(
             "With it the held-out error falls to {} times the floor; with random signs the best of {} combinations does as well with a \
-             probability of at most {p:.3}.",
+             probability of at most {}.",
             times(after),
-            open.entries
+            open.entries,
+            verdict::at_most(p)
         ));
     }
     if let Some(words) = verdict::how_sure(d) {
