@@ -381,7 +381,13 @@ fn without_refused(
     name_other_links(session, accepted, &kept, &mut found, options);
     let made = RoundResults { rounds, found, kept, contradicted, left_out, errors: [before, after], has_flights };
     let answer = match conclude(session, effects, accepted, made.clone(), until, options) {
-        Err(Unnamed::All(why)) => conclude(session, effects, accepted, made.naming_nothing(why), until, options),
+        Err(Unnamed::All(why)) => {
+            let nothing = made.naming_nothing(why.clone());
+            conclude(session, effects, accepted, nothing, until, options).map(|mut answer| {
+                answer.warnings.push(why);
+                answer
+            })
+        }
         answer => answer,
     };
     match answer {
