@@ -21,8 +21,8 @@ use crate::statistics::sign_flip_p;
 use aloft_effects::Target;
 use rayon::prelude::*;
 
-/// Ratio of mean square errors, in contact times in flight, over the effect that is best in contact,
-/// above which an effect is ruled out. What flights prefer has to be worse in contact.
+/// Ratio of mean square errors, in contact times in flight, over the effect that is best in
+/// contact, above which an effect is ruled out. What flights prefer has to be worse in contact.
 const WORSE: f64 = 1.25;
 /// The ratio in contact alone that is needed as well.
 const WORSE_IN_CONTACT: f64 = 1.1;
