@@ -26,6 +26,7 @@ use aloft_regressor::{
     acceleration_factor, weak_factor,
 };
 use aloft_robot::next::NextFlights;
+use aloft_study::commands::command;
 use aloft_study::config::{RobotConfig, Rows};
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::SubjectSession;
@@ -156,7 +157,7 @@ pub fn assess(session: &SubjectSession) -> Result<Assessment, PipelineError> {
     let of = identification(&ws).ok_or_else(|| {
         PipelineError::request_hint(
             format!("nothing was identified in {}", session.workspace.display()),
-            format!("run `aloft run {}` first", aloft_study::quote::path(&session.config_path)),
+            format!("run `{}` first", command(session, "run", None)),
         )
     })?;
     let found = with_results(session, |made| {

@@ -11,6 +11,7 @@ use aloft_ik::CalibrationReport;
 use aloft_pipeline::results::parameters_file;
 use aloft_pipeline::stages::compare::is_of_earlier_method;
 use aloft_pipeline::stages::identify::NOTHING_IDENTIFIED;
+use aloft_study::commands::command;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json;
@@ -288,7 +289,7 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
     if !path.is_file() {
         return Err(PipelineError::request_hint(
             format!("nothing was compared in {}", session.workspace.display()),
-            format!("run `aloft run {}` first", aloft_study::quote::path(&session.config_path)),
+            format!("run `{}` first", command(session, "run", None)),
         ));
     }
     let comparison: Comparison = read_json(&path)?;

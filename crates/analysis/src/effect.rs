@@ -13,10 +13,10 @@ use aloft_effects::{ActsIn, EFFECTS, EffectInstance, EffectKind, Family, Formula
 use aloft_pipeline::ready_made::Replacing;
 use aloft_pipeline::runner::{Ended, Progress, RunReport, TaskReport, run_held};
 use aloft_study::catalog;
+use aloft_study::commands::command;
 use aloft_study::config::PipelineConfig;
 use aloft_study::effects::{KnownEffects, OwnEffect, own_effects};
 use aloft_study::nearest;
-use aloft_study::quote;
 use aloft_study::ranges::parse_yaml;
 use aloft_study::revision::{ModelEffect, Revision, Revisions};
 use aloft_study::subject_session::SubjectSession;
@@ -184,6 +184,20 @@ fn scene(session: &SubjectSession) -> Result<Scene, PipelineError> {
     Ok(Scene::new(&subject.model, &subject.prior_phi(), &centres))
 }
 
+/// Physical ranges of the coefficients of a model's effects, by their names in the parameters.
+pub(crate) fn coefficient_ranges(session: &SubjectSession) -> Result<BTreeMap<String, [f64; 2]>, PipelineError> {
+    let scene = scene(session)?;
+    let known = KnownEffects::of(&session.own_effects, &scene)?;
+    let mut out = BTreeMap::new();
+    for effect in session.effects.iter().filter(|e| !e.is_of_joints()) {
+        let choice = known.choice(&scene, effect)?;
+        for c in choice.effect.coefficients(&scene, choice.target) {
+            out.insert(format!("{}.{}", effect.key, c.name), [c.lower, c.upper]);
+        }
+    }
+    Ok(out)
+}
+
 /// Adds an effect as a new revision and brings the results that depend on it up to date. The
 /// workspace is locked throughout; `wait` waits for another process that holds the lock.
 pub fn add(
@@ -213,8 +227,19 @@ pub fn add(
         }
         let scene = asked.scene(session)?;
         let known = KnownEffects::of(&session.own_effects, &scene)?;
-        let (chosen, choice) = asked.chosen(&known, &scene, key, set)?;
-        notes.extend(asked.unfitted(&choice, &scene, key, set));
+        let held = all.held_last(key).filter(|_| !asked.names(key) && set.is_empty());
+        let (chosen, choice) = match held {
+            Some((number, held)) => {
+                notes.push(format!("`{}` has the values that it had in revision {number}", held.key));
+                let choice = known.choice(&scene, &held)?;
+                (held, choice)
+            }
+            None => {
+                let (chosen, choice) = asked.chosen(&known, &scene, key, set)?;
+                notes.extend(asked.unfitted(&choice, &scene, key, set));
+                (chosen, choice)
+            }
+        };
         if effects.iter().any(|e| e.key == chosen.key) {
             return Err(PipelineError::request_hint(
                 format!("the model holds `{}` already", chosen.key),
@@ -229,13 +254,19 @@ pub fn add(
         }
         crate::discover::refuse_without_numbers(session, &chosen)?;
         let action = format!("add {}", chosen.key);
+        let key = chosen.key.clone();
+        // the class of an effect that is added again is the one that it had
+        let as_well =
+            asked.as_well(&chosen).or_else(|| all.revisions.iter().rev().find_map(|r| r.confusable.get(&key).cloned()));
         effects.push(chosen);
         if choice.effect.acts().in_joints() {
             refuse_without_torques(session, &choice.key(&scene))?;
         } else {
             refuse_invisible(session, &effects, &choice, &scene)?;
         }
-        Ok(all.next(action, effects))
+        let mut next = all.next(action, effects);
+        next.confusable.extend(as_well.filter(|others| !others.is_empty()).map(|others| (key, others)));
+        Ok(next)
     })
 }
 
@@ -267,6 +298,16 @@ impl Asked {
     /// True if it holds values for an effect.
     fn names(&self, key: &str) -> bool {
         self.found.as_ref().is_some_and(|d| suggestion(d, key).is_some())
+    }
+
+    /// What explains the recordings as well as an effect that the discovery named: the others of its
+    /// class, and the same effect on other links. None if the discovery did not name it.
+    fn as_well(&self, effect: &ModelEffect) -> Option<Vec<String>> {
+        let d = self.found.as_ref()?;
+        let group = d.groups.iter().find(|g| g.effects.iter().any(|e| e == effect.id()))?;
+        let rivals = group.effects.iter().filter(|e| !group.is_sure() && *e != effect.id()).cloned();
+        let links = d.found.iter().filter(|f| f.key == effect.key).flat_map(|f| &f.also_on);
+        Some(rivals.chain(links.map(|link| format!("{}[{link}]", effect.id()))).collect())
     }
 
     /// What the model does not know of an effect that the discovery did not fit, in words.
@@ -342,8 +383,8 @@ fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, Pip
         return Err(PipelineError::request_hint(
             format!("`{key}` in {} is not the law that `discover` found on these recordings", own.origin),
             format!(
-                "run `aloft discover {}` again: it will give its law an unused name, and rank the law in the file as well",
-                quote::path(&session.config_path)
+                "run `{}` again: it will give its law an unused name, and rank the law in the file as well",
+                command(session, "discover", None)
             ),
         ));
     }

@@ -1,6 +1,7 @@
 //! `history`: the revisions of a model, and what each of them reached.
 
 use crate::compare::{ComparisonView, JudgedOn, compare};
+use crate::effect::coefficient_ranges;
 use crate::held_out::{HeldOutError, weight_n};
 use aloft_compare::{POOR_TIMES_FLOOR, significant};
 use aloft_effects::ActsIn;
@@ -15,6 +16,7 @@ use aloft_workspace::json::read_json;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// The ladder as `history --json` shows it.
 #[derive(Debug, Clone, Serialize)]
@@ -84,10 +86,11 @@ pub struct HistoryRow {
     pub base_change: Vec<(String, f64)>,
     /// Reason why the gain does not count; none if it counts.
     pub void: Option<String>,
-    /// What the intervals of the coefficients do not contain; none where the error is near its
-    /// floor.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub caution: Option<String>,
+    /// What the coefficients and their intervals do not show: what else is missing, which
+    /// coefficients are outside their physical range, and what explained the recordings as well as
+    /// an effect of the model when it was added.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub cautions: Vec<String>,
 }
 
 /// Torque of a joint whose laws a revision changed.
@@ -233,12 +236,14 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
     });
     let here = now.and_then(pick);
     let far = here.and_then(|j| j.times_floor()).filter(|times| *times >= POOR_TIMES_FLOOR);
-    let caution = far.filter(|_| now.is_some_and(|n| !n.coefficients.is_empty())).map(|times| {
+    let still_missing = far.filter(|_| now.is_some_and(|n| !n.coefficients.is_empty())).map(|times| {
         format!(
             "the error is {} times its floor: what is still missing may shift these values beyond their intervals",
             significant(times, 2)
         )
     });
+    let outside = now.iter().flat_map(|n| &n.coefficients).filter_map(outside_its_range);
+    let cautions = still_missing.into_iter().chain(outside).chain(r.confusable.iter().map(as_well)).collect();
     HistoryRow {
         revision: r.number,
         action: r.action.clone(),
@@ -283,8 +288,25 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
         largest_change,
         base_change,
         void,
-        caution,
+        cautions,
     }
+}
+
+/// What it means that a coefficient is outside its physical range; none if it is inside.
+fn outside_its_range(c: &ReachedCoefficient) -> Option<String> {
+    let range = c.range.as_ref()?;
+    Some(format!(
+        "{} is {}, outside its physical range ({range}): the recordings do not show this effect with the place and the \
+         parameters that it has in the model",
+        c.name,
+        significant(c.value, 2)
+    ))
+}
+
+/// What explained the recordings as well as an effect when it was added.
+fn as_well((key, others): (&String, &Vec<String>)) -> String {
+    let others: Vec<String> = others.iter().map(|o| format!("`{o}`")).collect();
+    format!("`{key}` may be another effect: when it was added, {} explained the recordings as well", others.join(", "))
 }
 
 /// Errors of the joints whose laws differ from those of the revision before.
@@ -330,7 +352,10 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
         value: l.value,
         se: half(l.ci95) / 1.96,
         ci95: Some(l.ci95),
+        range: None,
     });
+    let ranges = if session.effects.is_empty() { BTreeMap::new() } else { coefficient_ranges(session)? };
+    let outside = |name: &str, value: f64| ranges.get(name).and_then(|range| out_of(*range, value));
     let mut trials: Vec<String> = c.first.trials.iter().map(|t| t.trial.clone()).collect();
     trials.sort();
     Ok(Reached {
@@ -345,13 +370,29 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
             .iter()
             .flat_map(|p| &p.effects)
             .filter(|e| e.not_determined.is_none())
-            .map(|e| ReachedCoefficient { name: e.name.clone(), value: e.value, se: e.se, ci95: e.ci95 })
+            .map(|e| ReachedCoefficient {
+                name: e.name.clone(),
+                value: e.value,
+                se: e.se,
+                ci95: e.ci95,
+                range: outside(&e.name, e.value),
+            })
             .chain(laws)
             .collect(),
         base: parameters.iter().flat_map(|p| &p.base).map(|b| (b.name.clone(), b.value)).collect(),
         trials: Some(trials),
         joints: Vec::new(),
     })
+}
+
+/// A range in words, if a value is outside.
+fn out_of([low, high]: [f64; 2], value: f64) -> Option<String> {
+    let words = match (low.is_finite(), high.is_finite()) {
+        (true, true) => format!("{low} to {high}"),
+        (true, false) => format!("at least {low}"),
+        _ => format!("at most {high}"),
+    };
+    (value < low || value > high).then_some(words)
 }
 
 #[cfg(test)]
@@ -377,6 +418,7 @@ mod tests {
                 value: 0.02,
                 se: 0.001,
                 ci95: Some([0.018, 0.022]),
+                range: None,
             }],
             base: vec![("M".into(), 60.0), ("MCx".into(), 0.01 * flight_n)],
             trials: Some(vec!["jump01".into(), "jump02".into()]),
@@ -391,6 +433,7 @@ mod tests {
             effects,
             reached,
             corrections: Default::default(),
+            confusable: Default::default(),
         };
         let effect = ModelEffect { key: key.to_owned(), ..ModelEffect::default() };
         vec![revision(0, Vec::new(), Some(reached(4.0, 6.0, 1.2))), revision(1, vec![effect], Some(second))]

@@ -6,8 +6,8 @@ use aloft_identify::Parameters;
 pub use aloft_identify::half_of;
 use aloft_pipeline::results::parameters_file;
 use aloft_pipeline::stages::identify::NOTHING_IDENTIFIED;
+use aloft_study::commands::command;
 use aloft_study::config::Rows;
-use aloft_study::quote;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json;
@@ -44,16 +44,13 @@ pub fn parameters(session: &SubjectSession, rows: Option<Rows>) -> Result<Parame
     if !path.is_file() && path.with_file_name(NOTHING_IDENTIFIED).is_file() {
         return Err(PipelineError::request_hint(
             nothing_identified(&ws),
-            format!(
-                "`aloft compare {}` compares the body from tables with the plates",
-                quote::path(&session.config_path)
-            ),
+            format!("`{}` compares the body from tables with the plates", command(session, "compare", None)),
         ));
     }
     if !path.is_file() {
         return Err(PipelineError::request_hint(
             format!("nothing was identified from {} rows in {}", rows.word(), session.workspace.display()),
-            format!("run `aloft run {}` first", quote::path(&session.config_path)),
+            format!("run `{}` first", command(session, "run", None)),
         ));
     }
     let parameters: Parameters = read_json(&path)?;

@@ -161,8 +161,13 @@ pub fn tried(
         let view = compare(done)?;
         let parameters = crate::parameters::parameters(done, None)?.parameters;
         let base = parameters.base.iter().map(|b| (b.name.clone(), b.value, b.ci95, b.unit.clone()));
-        let of =
-            |e: &EffectEstimate| ReachedCoefficient { name: e.name.clone(), value: e.value, se: e.se, ci95: e.ci95 };
+        let of = |e: &EffectEstimate| ReachedCoefficient {
+            name: e.name.clone(),
+            value: e.value,
+            se: e.se,
+            ci95: e.ci95,
+            range: None,
+        };
         Ok(Tried {
             effects: effects.iter().map(|e| e.key.clone()).collect(),
             trials: view.comparison.first.trials.len(),

@@ -5,6 +5,7 @@ use aloft_pipeline::made::as_made;
 use aloft_pipeline::results::Results;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::calendar::Calendar;
+use aloft_study::commands::command;
 use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::manifest::WHOLE_STUDY;
@@ -59,7 +60,7 @@ pub(crate) fn with_results<T>(
     if trials.is_empty() {
         return Err(PipelineError::request_hint(
             format!("no trial in {} has rows", session.workspace.display()),
-            format!("run `aloft run {}` first", aloft_study::quote::path(&session.config_path)),
+            format!("run `{}` first", command(session, "run", None)),
         ));
     }
     work(&Made { session, results: Results::of(&ws), trials, workspace: &ws })

@@ -140,7 +140,7 @@ pub fn notice(session: &SubjectSession, fresh: &Freshness) {
     for line in fresh.describe() {
         note(format!("{whose}{line}"));
     }
-    note(format!("  hint: `aloft run {}` brings results up to date", aloft_study::quote::path(&session.config_path)));
+    note(format!("  hint: `{}` brings results up to date", aloft_study::commands::command(session, "run", None)));
 }
 
 impl StrictArgs {

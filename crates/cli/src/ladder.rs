@@ -104,7 +104,7 @@ fn coefficients(r: &HistoryRow) -> Result<(), Stop> {
         t.add_row([format!("  {}", c.name), beside(c.value, c.ci95), half(c.ci95)]);
     }
     out(t)?;
-    if let Some(caution) = &r.caution {
+    for caution in &r.cautions {
         out(labelled("caution: ", &crate::screen::paint(caution, Signal::Fair)))?;
     }
     Ok(())

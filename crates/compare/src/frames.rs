@@ -161,8 +161,9 @@ pub(crate) fn trial_frames(
             predicted[f] += load[i];
         }
         if let Some(effects) = input.effects {
+            let unit = input.effects_filtered.map_or(&effects.wrench[f], |filtered| &filtered[f]);
             for (c, theta) in coefficients.iter().enumerate().filter(|(_, t)| t.iter().any(|x| *x != 0.0)) {
-                let world: Vector6<f64> = (&effects.wrench[f] * theta).fixed_rows::<6>(0).into();
+                let world: Vector6<f64> = (unit * theta).fixed_rows::<6>(0).into();
                 // without columns the effect is unknown and the frame is skipped
                 if world.iter().all(|x| x.is_finite()) {
                     series.predicted[c][f] -= into_root(&world, &world_from_root);

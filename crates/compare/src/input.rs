@@ -3,7 +3,7 @@
 use crate::{CompareError, Measured, OffsetRange, PlateDrift};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_regressor::EffectColumns;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -119,6 +119,9 @@ pub struct TrialInput<'a> {
     pub drift: Option<&'a PlateDrift>,
     /// Columns of effects at the motion's frames.
     pub effects: Option<&'a EffectColumns>,
+    /// Their wrenches through the filter of the motion, for the comparison frame by frame; none
+    /// where they are compared unfiltered.
+    pub effects_filtered: Option<&'a [DMatrix<f64>]>,
     /// True when no contact frame of this trial was used to identify any of the models.
     pub held_out_contact: bool,
     /// True when no flight of this trial was used to identify any of the models.
@@ -143,6 +146,7 @@ impl<'a> TrialInput<'a> {
             errors: None,
             drift: None,
             effects: None,
+            effects_filtered: None,
             held_out_contact: true,
             held_out_flight: true,
             untared: false,
@@ -179,7 +183,10 @@ impl<'a> TrialInput<'a> {
         }
         if let Some(e) = self.effects.filter(|e| !e.names.is_empty()) {
             length("frames of the effect columns", n, e.wrench.len())?;
-            for w in &e.wrench {
+            if let Some(filtered) = self.effects_filtered {
+                length("frames of the filtered effect columns", n, filtered.len())?;
+            }
+            for w in e.wrench.iter().chain(self.effects_filtered.into_iter().flatten()) {
                 length("effect columns of a frame", 6 * e.names.len(), w.len())?;
             }
         }

@@ -229,6 +229,18 @@ pub(crate) fn columns_and_slopes(
     with_derivatives(session, problem, variant, &parameters, &Point { p, theta: theta.clone(), gain: 0.0, columns })
 }
 
+/// Factors by which the standard errors of the coefficients `theta` of a variant grow because its
+/// nonlinear parameters, at their present values, are unknown too.
+pub(crate) fn widening_at(
+    session: &Session<'_>,
+    problem: &Problem,
+    variant: &Variant<'_>,
+    theta: &DVector<f64>,
+) -> Option<Vec<f64>> {
+    let wide = columns_and_slopes(session, problem, variant, theta)?;
+    Some(widening(&problem.reduce_all(&wide).0, theta.len()))
+}
+
 /// Fits a variant to all rows and in every fold; `None` if it gains nothing or has no columns.
 pub(crate) fn fitted<'a>(session: &Session<'_>, problem: &Problem, variant: &Variant<'a>) -> Option<Scored<'a>> {
     if variant.effect.nonlinear(session.scene, variant.target).is_empty() {

@@ -63,7 +63,8 @@ pub(crate) fn run_round<'a>(
     let all = effects;
     // beside a force that flights show, the zero of a plate would only undo what the force does in
     // contact; recordings that show it are not in doubt
-    let zeros_known = !beside.kept.is_empty() && session.blocks.iter().any(|b| b.zero.is_some());
+    let flights_show_one = !beside.kept.is_empty() || beside.accepted.iter().any(|a| a.effect.acts().in_flight());
+    let zeros_known = flights_show_one && session.blocks.iter().any(|b| b.zero.is_some());
     let used: Vec<(&'a dyn Effect, bool)> = effects
         .iter()
         .copied()

@@ -3,7 +3,6 @@
 
 use super::STUDY;
 use super::candidates;
-use super::commands::command;
 use super::joints;
 use super::ladder;
 use super::place_errors::{asked, effects, judged_place};
@@ -12,6 +11,7 @@ use super::wording::{card, number};
 use aloft_analysis::held_out::HeldOutError;
 use aloft_discover::{Discovery, Verdict};
 use aloft_page::{Block, Chapter, Light, Section};
+use aloft_study::commands::command;
 
 /// The chapter.
 pub fn chapter(story: &Story<'_>) -> Chapter {

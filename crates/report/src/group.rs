@@ -93,7 +93,7 @@ pub fn page(title: &str, members: &[Member<'_>], absent: &[Absent]) -> Result<Pa
     if rows.iter().all(|r| r.failure.is_some()) {
         return Err(PipelineError::request_hint("no subject of the study has results", "run `aloft run` first"));
     }
-    let next = members.first().map_or(String::new(), |m| super::commands::for_all(m.session, "discover"));
+    let next = members.first().map_or(String::new(), |m| aloft_study::commands::for_all(m.session, "discover"));
     let mut chapters = vec![overview(&rows, absent, &next)];
     chapters.push(distributions(&rows));
     let columns = rows.iter().map(|r| (r.name.as_str(), r.lines.as_slice()));

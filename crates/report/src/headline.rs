@@ -1,6 +1,5 @@
 //! The first screen: how wrong the model is, where, what is missing, how sure, what to do next.
 
-use super::commands::command;
 use super::place_errors::{self, PlaceError, asked, effects, errors_by_place};
 use super::session;
 use super::story::Story;
@@ -12,6 +11,7 @@ use aloft_analysis::parameters::ParametersView;
 use aloft_compare::{Comparison, GroupedBy, growth};
 use aloft_discover::Verdict;
 use aloft_page::{Fact, Headline};
+use aloft_study::commands::command;
 
 /// The headline.
 pub fn headline(story: &Story<'_>) -> Headline {

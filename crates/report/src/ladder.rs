@@ -188,8 +188,8 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
         );
         blocks.insert(0, Block::remark(light, text));
     }
-    if let Some(caution) = rungs.last().and_then(|r| r.caution.as_ref()) {
-        let text = format!("Of the coefficients of the last revision: {caution}.");
+    for caution in rungs.last().iter().flat_map(|r| &r.cautions) {
+        let text = format!("Of the last revision: {caution}.");
         blocks.push(Block::remark(Light::Fair, text));
     }
     Some(Section::new("ladder", "The ladder", &lead, blocks))

@@ -7,7 +7,6 @@
 mod anthropometry;
 mod calibration;
 mod candidates;
-mod commands;
 mod discovery;
 mod drawn_effects;
 mod filtering;

@@ -2,10 +2,10 @@
 //! further analysis.
 
 use super::STUDY;
-use super::commands::command;
 use super::story::Story;
 use aloft_page::{Block, Chapter, Light, Section, Table};
 use aloft_pipeline::stages::STAGES;
+use aloft_study::commands::command;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::manifest::WHOLE_STUDY;
 

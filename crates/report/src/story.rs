@@ -13,6 +13,7 @@ use aloft_flight::FlightReport;
 use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::import::ImportRecord;
 use aloft_signal::residual_analysis::ResidualAnalysis;
+use aloft_study::commands::command;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::load_motion;
 use aloft_workspace::error::{PipelineError, StageFailure};
@@ -94,7 +95,7 @@ impl<'a> Story<'a> {
         if !session.trials.iter().any(|t| ws.manifest("import", &t.name).is_some()) {
             return Err(PipelineError::request_hint(
                 format!("nothing was run in {}", session.workspace.display()),
-                format!("run `aloft run {}` first", aloft_study::quote::path(&session.config_path)),
+                format!("run `{}` first", command(session, "run", None)),
             ));
         }
         let freshness = freshness(now)?;

@@ -1,7 +1,6 @@
 //! The effects as switches on the page: what the panel shows, and the numbers from which a page
 //! that is sent computes the model with any choice of them.
 
-use crate::commands::command;
 use crate::place_errors::judged_place;
 use crate::story::Story;
 use aloft_analysis::discover::latest;
@@ -14,6 +13,7 @@ use aloft_discover::Verdict;
 use aloft_identify::RotatedRows;
 use aloft_page::pack;
 use aloft_page::switches::Sent;
+use aloft_study::commands::command;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use nalgebra::DMatrix;

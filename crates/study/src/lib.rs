@@ -6,6 +6,7 @@
 
 pub mod calendar;
 pub mod catalog;
+pub mod commands;
 pub mod config;
 pub mod data_set;
 pub mod effects;

@@ -111,23 +111,34 @@ pub struct ReachedCoefficient {
     /// 95 % interval; none if the standard error is not known, and in models written before
     /// intervals were stored.
     pub ci95: Option<[f64; 2]>,
+    /// The range that physics allows, in words, where the value is outside; none where it is
+    /// inside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<String>,
 }
 
 /// Formats of a stored coefficient: earlier models stored name, value and standard error.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum StoredCoefficient {
-    Whole { name: String, value: f64, se: Option<f64>, ci95: Option<[f64; 2]> },
+    Whole {
+        name: String,
+        value: f64,
+        se: Option<f64>,
+        ci95: Option<[f64; 2]>,
+        #[serde(default)]
+        range: Option<String>,
+    },
     Earlier(String, f64, Option<f64>),
 }
 
 impl From<StoredCoefficient> for ReachedCoefficient {
     fn from(stored: StoredCoefficient) -> Self {
-        let (name, value, se, ci95) = match stored {
-            StoredCoefficient::Whole { name, value, se, ci95 } => (name, value, se, ci95),
-            StoredCoefficient::Earlier(name, value, se) => (name, value, se, None),
+        let (name, value, se, ci95, range) = match stored {
+            StoredCoefficient::Whole { name, value, se, ci95, range } => (name, value, se, ci95, range),
+            StoredCoefficient::Earlier(name, value, se) => (name, value, se, None, None),
         };
-        Self { name, value, se: se.unwrap_or(f64::NAN), ci95 }
+        Self { name, value, se: se.unwrap_or(f64::NAN), ci95, range }
     }
 }
 
@@ -186,6 +197,10 @@ pub struct Revision {
     /// Corrections of the recordings under which it was made.
     #[serde(default, skip_serializing_if = "CorrectionsConfig::is_empty")]
     pub corrections: CorrectionsConfig,
+    /// What explained the recordings as well as an effect of the model when it was added, by the
+    /// key of that effect.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub confusable: BTreeMap<String, Vec<String>>,
 }
 
 /// All revisions of a workspace; the last is the present one.
@@ -208,6 +223,7 @@ impl Default for Revisions {
             effects: Vec::new(),
             reached: None,
             corrections: CorrectionsConfig::default(),
+            confusable: BTreeMap::new(),
         };
         Self { revisions: vec![first], pending: None }
     }
@@ -238,6 +254,12 @@ impl Revisions {
         self.revisions.last().map(|r| r.effects.clone()).unwrap_or_default()
     }
 
+    /// The effect of that key or identifier as the latest revision that has one holds it.
+    pub fn held_last(&self, key: &str) -> Option<(usize, ModelEffect)> {
+        let in_one = |r: &Revision| Some((r.number, r.effects.iter().find(|e| e.key == key || e.id() == key)?.clone()));
+        self.revisions.iter().rev().find_map(in_one)
+    }
+
     /// Base parameters of the model without effects, from which columns of effects take the body's
     /// centre of mass; empty before it was identified.
     pub fn plain_base(&self) -> Vec<f64> {
@@ -247,7 +269,10 @@ impl Revisions {
 
     /// The next revision.
     pub fn next(&self, action: String, effects: Vec<ModelEffect>) -> Revision {
-        let corrections = self.revisions.last().map(|r| r.corrections.clone()).unwrap_or_default();
-        Revision { number: self.revisions.len(), action, effects, reached: None, corrections }
+        let last = self.revisions.last();
+        let corrections = last.map(|r| r.corrections.clone()).unwrap_or_default();
+        let mut confusable = last.map(|r| r.confusable.clone()).unwrap_or_default();
+        confusable.retain(|key, _| effects.iter().any(|e| e.key == *key));
+        Revision { number: self.revisions.len(), action, effects, reached: None, corrections, confusable }
     }
 }

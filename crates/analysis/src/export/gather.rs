@@ -14,7 +14,7 @@ use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_pipeline::stages::osim::COORDINATES;
 use aloft_robot::osim::RigidTree;
-use aloft_study::quote;
+use aloft_study::commands::command;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::{load_motion, load_trial};
 use aloft_workspace::error::PipelineError;
@@ -38,7 +38,7 @@ pub(super) fn subject(
     if !place.is_file() {
         return Err(PipelineError::request_hint(
             format!("there is no model in {} yet", session.workspace.display()),
-            format!("run `aloft run {}` first", quote::path(&session.config_path)),
+            format!("run `{}` first", command(session, "run", None)),
         ));
     }
     let subject: Subject = read_json(&place)?;

@@ -4,8 +4,9 @@ use super::fit::Fitted;
 use super::kinematics::{Action, Carrier};
 use super::law::{Law, PointIs};
 use crate::candidate::Variant;
+use crate::nonlinear::widening_at;
 use crate::options::DiscoverOptions;
-use crate::problem::Domain;
+use crate::problem::{Domain, Problem};
 use crate::repeating::widen;
 use crate::result::Estimate;
 use crate::session::Session;
@@ -39,6 +40,12 @@ pub(super) fn widened(
         let (there, here) = (columns(&moved)?, columns(law)?);
         Some(there.iter().zip(&here).map(|(a, b)| (a - b) * theta).collect())
     };
+    // the model identifies the coefficients with the parameters held
+    let problem = Problem::new(session, domain, others, options.fewest_trials, options.prior_weight).ok();
+    let by = problem.and_then(|problem| widening_at(session, &problem, &variant, theta)).unwrap_or_default();
+    for (coefficient, by) in coefficients.iter_mut().zip(by) {
+        coefficient.widening = by;
+    }
     widen(session, domain, others, whole, &variant, (coefficients, &mut all), &further, options);
     nonlinear.clone_from_slice(&all[known..]);
 }

@@ -29,6 +29,31 @@ pub fn filter() {
     recovers(&case, &of(&smooth, &motions(&smooth)), &of(lab, motions_of_twin));
 }
 
+/// All markers swing farther than the bone, `x_marker = x_bone - c x_bone''` for the person on the
+/// plates: that is `x_bone = x_marker + c x_marker''` up to the square of c.
+pub fn overshoot() {
+    const C_S2: f64 = 1e-4;
+    const REACH: usize = 4;
+    let (lab, motions_of_twin) = plain();
+    let mut swinging = lab.clone();
+    // least-squares parabola over ±20 ms
+    let square = |k: usize| (k as f64 - REACH as f64).powi(2);
+    let mean = (0..=2 * REACH).map(square).sum::<f64>() / (2 * REACH + 1) as f64;
+    let size: f64 = (0..=2 * REACH).map(|k| (square(k) - mean).powi(2)).sum();
+    for trial in &mut swinging.trials {
+        for path in &mut trial.markers.trajectories {
+            let raw = path.clone();
+            for f in REACH..raw.len() - REACH {
+                let sum: Vector3<f64> = (0..=2 * REACH).map(|k| raw[f - REACH + k] * (square(k) - mean)).sum();
+                path[f] = raw[f] - sum * (2.0 * 200.0 * 200.0 / size * C_S2);
+            }
+        }
+    }
+    let of = |lab, motions| Evidence::new(lab, motions, Known::Tables, 0.0).only(StretchKind::Contact);
+    let case = Case { key: "marker_overshoot", truth: &[C_S2], ..Case::default() };
+    recovers(&case, &of(&swinging, &motions(&swinging)), &of(lab, motions_of_twin));
+}
+
 /// All markers of the trunk slide forward as it bends: 20 mm at half a radian, in proportion to the
 /// sine of the angle.
 pub fn soft_tissue() {

@@ -57,6 +57,7 @@ recovered! {
     plate_gain: plates::gain,
     filter_attenuation: kinematics::filter,
     soft_tissue: kinematics::soft_tissue,
+    marker_overshoot: kinematics::overshoot,
     joint_centre: kinematics::joint_centre,
     camera_warp: kinematics::camera_warp,
     body_mass: plates::body_mass,

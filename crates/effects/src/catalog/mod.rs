@@ -21,6 +21,7 @@ mod joint_spring;
 mod linear_drag;
 mod link_mass;
 mod load_friction;
+mod marker_overshoot;
 mod panels;
 mod payload;
 mod plate_clock_drift;
@@ -70,6 +71,7 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &plate_gain::PlateGain,
     &filter_attenuation::FilterAttenuation,
     &soft_tissue::SoftTissue,
+    &marker_overshoot::MarkerOvershoot,
     &joint_centre::JointCentre,
     &encoder_offset::EncoderOffset,
     &base_time_offset::BaseTimeOffset,

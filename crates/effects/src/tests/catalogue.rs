@@ -1,6 +1,6 @@
 //! Documentation, names, units, bounds; columns are finite and nonzero only where the effect acts.
 
-use super::Fixture;
+use super::{Fixture, with_limbs};
 use crate::*;
 
 #[test]
@@ -16,10 +16,13 @@ fn every_effect_is_described_and_bounded() {
         for other in definition.about().contains {
             assert!(effect(other).is_ok(), "{} contains `{other}`", definition.id());
         }
-        let targets = definition.targets(&fixture.scene);
+        // some act on robots only, some only on bodies with limbs and markers
+        let limbs = with_limbs();
+        let scene = if definition.targets(&fixture.scene).is_empty() { &limbs } else { &fixture.scene };
+        let targets = definition.targets(scene);
         assert!(!targets.is_empty(), "{}", definition.id());
         for target in targets {
-            let coefficients = definition.coefficients(&fixture.scene, target);
+            let coefficients = definition.coefficients(scene, target);
             assert!(!coefficients.is_empty());
             for c in &coefficients {
                 assert!(c.lower < c.upper, "{} {}", definition.id(), c.name);
@@ -32,8 +35,8 @@ fn every_effect_is_described_and_bounded() {
                 );
                 assert!(formula_unit_is_readable(&c.unit), "{} {}", definition.id(), c.unit);
             }
-            let parameters = definition.nonlinear(&fixture.scene, target);
-            let starts = definition.starts(&fixture.scene, target);
+            let parameters = definition.nonlinear(scene, target);
+            let starts = definition.starts(scene, target);
             assert!(!starts.is_empty());
             for start in starts {
                 assert_eq!(start.len(), parameters.len(), "{}", definition.id());
@@ -41,8 +44,8 @@ fn every_effect_is_described_and_bounded() {
                     assert!((p.lower..=p.upper).contains(x), "{} {} {x}", definition.id(), p.name);
                 }
             }
-            let key = EffectInstance::new(definition, target, &fixture.scene).key(&fixture.scene);
-            assert_eq!(EffectInstance::parse(&key, &fixture.scene).unwrap().target, target, "{key}");
+            let key = EffectInstance::new(definition, target, scene).key(scene);
+            assert_eq!(EffectInstance::parse(&key, scene).unwrap().target, target, "{key}");
         }
     }
     assert_eq!(seen.len(), EFFECTS.len());

@@ -35,6 +35,29 @@ fn model(offset: [f64; 3]) -> Model {
     model
 }
 
+/// A trunk with two arms on a plate, seen by markers.
+fn with_limbs() -> Scene {
+    let arm = |name: &str, side: f64| LinkSpec {
+        name: name.into(),
+        parent: Some("trunk".into()),
+        joint: JointSpec::Spherical,
+        position_m: [0.0, side, 0.2],
+        rpy_rad: [0.0; 3],
+        inertia: None,
+    };
+    let trunk = LinkSpec {
+        name: "trunk".into(),
+        parent: None,
+        joint: JointSpec::Free,
+        position_m: [0.0; 3],
+        rpy_rad: [0.0; 3],
+        inertia: None,
+    };
+    let model = Model::from_spec(&ModelSpec::new("limbs".into(), vec![trunk, arm("arm_l", 0.2), arm("arm_r", -0.2)]));
+    let [trunk, arm]: [Phi; 2] = phi().try_into().unwrap();
+    Scene::new(&model.unwrap(), &[trunk, arm, arm], &[Vector3::zeros()])
+}
+
 fn phi() -> Vec<Phi> {
     let link = |mass_kg: f64, com: [f64; 3], i: [f64; 3]| {
         LinkInertia { mass_kg, com_m: com.into(), inertia_com_kgm2: Matrix3::from_diagonal(&Vector3::from(i)) }.to_phi()

@@ -12,11 +12,13 @@ use aloft_body::{Model, Motion, Subject};
 use aloft_compare::{Measured, OffsetRange, PlateDrift, PoseErrors, TareReadings, TrialInput, measured_wrench};
 use aloft_ik::{GeometryError, MarkerErrors};
 use aloft_regressor::EffectColumns;
+use aloft_signal::{Butterworth, LowPass};
 use aloft_study::calendar::Calendar;
 use aloft_study::subject_session::Role;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::read_json;
 use aloft_workspace::manifest::WHOLE_STUDY;
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -42,6 +44,8 @@ pub struct ComparedTrial {
     pub drift: Option<PlateDrift>,
     /// Columns of the model's effects.
     pub effects: Option<EffectColumns>,
+    /// Their wrenches, filtered like the motion and the plates; none without plates.
+    pub effects_filtered: Option<Vec<DMatrix<f64>>>,
     /// True if a plate was never unloaded, so that its reading at rest is not known.
     pub untared: bool,
     /// Range of that reading by the other recordings.
@@ -137,6 +141,10 @@ impl ComparedTrial {
             Some(m)
         };
         let complete = completely_measured(&rows.covered, &flights, frames);
+        let effects_filtered = match (&effects, &measured) {
+            (Some(effects), Some(_)) => Some(low_passed(effects, &rows.motion, low_pass(&params.filter))?),
+            _ => None,
+        };
         let tares = results.load_tares(name)?;
         let zero = Zero::of(results, name, &tares, others);
         let (untared, offset_range) = (measured.is_some() && zero.unknown, zero.range);
@@ -153,6 +161,7 @@ impl ComparedTrial {
             errors: None,
             drift: None,
             effects,
+            effects_filtered,
             untared,
             offset_range,
         })
@@ -171,6 +180,7 @@ impl ComparedTrial {
             errors: self.errors.as_ref().map(|e| &**e as &dyn PoseErrors),
             drift: self.drift.as_ref(),
             effects: self.effects.as_ref(),
+            effects_filtered: self.effects_filtered.as_deref(),
             untared: self.untared,
             offset_range: self.offset_range,
             held_out_contact: if every { self.measured.is_some() } else { self.role == Role::Validate },
@@ -178,6 +188,28 @@ impl ComparedTrial {
             ..TrialInput::new(&self.filtered, &self.flights)
         }
     }
+}
+
+/// Unit wrenches of effects through the filter of the motion and the plates, beside which they
+/// stand frame by frame. Runs that are too short for the filter have none.
+fn low_passed(effects: &EffectColumns, motion: &Motion, filter: LowPass) -> Result<Vec<DMatrix<f64>>, StageFailure> {
+    let mut out = effects.wrench.clone();
+    let channels = 6 * effects.names.len();
+    let seen = |f: usize, m: &DMatrix<f64>| motion.is_valid(f) && m.ncols() == effects.names.len();
+    let mut data: Vec<f64> = Vec::with_capacity(channels * out.len());
+    for (f, m) in out.iter().enumerate() {
+        if seen(f, m) {
+            data.extend_from_slice(m.as_slice());
+        } else {
+            data.extend(std::iter::repeat_n(f64::NAN, channels));
+        }
+    }
+    let design = Butterworth::design(filter, motion.rate_hz).map_err(|e| StageFailure::new(e.to_string()))?;
+    design.filtfilt_interleaved(&mut data, channels);
+    for (m, filtered) in out.iter_mut().zip(data.chunks_exact(channels)) {
+        *m = DMatrix::from_column_slice(6, effects.names.len(), filtered);
+    }
+    Ok(out)
 }
 
 /// A motion without the parts that the comparison does not read: marker residuals and standard

@@ -1,7 +1,7 @@
 //! Commands to type next, quoted for a shell.
 
-use aloft_study::quote;
-use aloft_study::subject_session::SubjectSession;
+use crate::quote;
+use crate::subject_session::SubjectSession;
 use std::path::{Path, PathBuf};
 
 /// `aloft WORDS PIPELINE …` for this study, with the folders that the pipeline does not name;
@@ -48,7 +48,7 @@ fn same(a: &Path, b: &Path) -> bool {
 }
 
 /// Folder of all subjects, from that of one of them.
-fn whole(path: &Path, id: &aloft_study::recordings::SessionId) -> PathBuf {
+fn whole(path: &Path, id: &crate::recordings::SessionId) -> PathBuf {
     let mut out = path.to_path_buf();
     for name in [&id.session, &id.subject].into_iter().flatten() {
         if out.file_name().is_some_and(|n| n.to_string_lossy() == *name) {
