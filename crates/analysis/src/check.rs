@@ -13,6 +13,7 @@ use aloft_pipeline::made::as_made;
 use aloft_pipeline::recording::{abridged, read_recording};
 use aloft_pipeline::stages::filter::low_pass;
 use aloft_pipeline::stages::import::{fits_enough, holds_enough};
+use aloft_scale::check_span;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::{QualityOptions, Severity, apply_marker_set, assess};
 use aloft_workspace::error::PipelineError;
@@ -186,6 +187,16 @@ fn read_one(session: &SubjectSession, entry: &TrialEntry, row: &mut CheckRow) ->
     {
         row.broken = true;
         remarks.push(Remark::Broken { problem: format!("`filter`: {e}"), path: String::new() });
+    }
+    // lengths in another unit are no noise of the markers
+    if session.object.is_none()
+        && session.osim.is_none()
+        && let Err(e) = check_span(&trial, trial.markers.n_frames / 2)
+    {
+        row.broken = true;
+        let path = entry.file.display().to_string();
+        remarks.push(Remark::Broken { problem: e.to_string(), path });
+        return Ok(remarks);
     }
     remarks.extend(trial.warnings.into_iter().map(Remark::Import));
     remarks.extend(quality.reasons.into_iter().filter(|r| r.severity() != Severity::Note).map(Remark::Quality));

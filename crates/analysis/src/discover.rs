@@ -308,6 +308,10 @@ pub struct DiscoveryView {
     /// The same with all effects found added to the model; empty if none was found or if the
     /// results were not up to date.
     pub errors_after: Vec<HeldOutError>,
+    /// What to correct before the answer and its sizes can be trusted; none where nothing has to
+    /// be. It is the first piece of advice, too.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub to_correct: Option<String>,
 }
 
 /// Ranks the catalogue and the study's own effects against the present model, and stores the answer
@@ -403,7 +407,9 @@ fn found(
     if let Some(wrong) = to_correct.as_ref().filter(|_| by_laws) {
         found.advice.push(format!("if the law is not real: {}", wrong.words));
     }
-    if let Some(wrong) = to_correct.filter(|_| !by_laws) {
+    let to_correct = to_correct.filter(|_| !by_laws);
+    let first = to_correct.as_ref().map(|c| c.words.clone());
+    if let Some(wrong) = to_correct {
         // errors that cannot be judged leave nothing unexplained, either
         if wrong.void && found.verdict == Verdict::Unexplained {
             found.verdict = Verdict::NotDetectable;
@@ -448,7 +454,7 @@ fn found(
     }
     seal::write_whole(&place, &answer)?;
     seal::write_whole(&session.workspace.join("discovery_volume.json"), &volume)?;
-    Ok(DiscoveryView { discovery: answer.answer, errors, errors_after: answer.errors_after })
+    Ok(DiscoveryView { discovery: answer.answer, errors, errors_after: answer.errors_after, to_correct: first })
 }
 
 /// An answer that nothing is missing does not stand beside what contradicts it, and what

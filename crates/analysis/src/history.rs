@@ -86,6 +86,10 @@ pub struct HistoryRow {
     pub base_change: Vec<(String, f64)>,
     /// Reason why the gain does not count; none if it counts.
     pub void: Option<String>,
+    /// What explained the recordings as well as an effect of the model when it was added, by the
+    /// key of that effect: other effects, or the same effect on other links.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub confusable: BTreeMap<String, Vec<String>>,
     /// What the coefficients and their intervals do not show: what else is missing, which
     /// coefficients are outside their physical range, and what explained the recordings as well as
     /// an effect of the model when it was added.
@@ -288,6 +292,7 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
         largest_change,
         base_change,
         void,
+        confusable: r.confusable.clone(),
         cautions,
     }
 }
@@ -305,8 +310,10 @@ fn outside_its_range(c: &ReachedCoefficient) -> Option<String> {
 
 /// What explained the recordings as well as an effect when it was added.
 fn as_well((key, others): (&String, &Vec<String>)) -> String {
+    let id = |key: &str| key.split('[').next().map(str::to_owned);
+    let may = if others.iter().all(|o| id(o) == id(key)) { "act on another link" } else { "be another effect" };
     let others: Vec<String> = others.iter().map(|o| format!("`{o}`")).collect();
-    format!("`{key}` may be another effect: when it was added, {} explained the recordings as well", others.join(", "))
+    format!("`{key}` may {may}: when it was added, {} explained the recordings as well", others.join(", "))
 }
 
 /// Errors of the joints whose laws differ from those of the revision before.

@@ -10,6 +10,7 @@ use aloft_analysis::compare::compare;
 use aloft_analysis::discover::DiscoveryView;
 use aloft_analysis::effect::EffectLine;
 use aloft_analysis::next_step::{self, Because, NextStep};
+use aloft_compare::Signal;
 use aloft_analysis::verdict;
 use aloft_discover::{Candidate, Discovery, Estimate, JointDiscovery, JointFinding, SelfTest, Verdict};
 use aloft_effects::{ActsIn, EffectKind};
@@ -72,11 +73,15 @@ fn names(list: &[String]) -> String {
 pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     let d = &view.discovery;
     out(labelled("verdict: ", &verdict::sentence(d)))?;
+    if let Some(words) = &view.to_correct {
+        out(labelled("first: ", &crate::screen::paint(words, Signal::Poor)))?;
+    }
     errors(view)?;
     if let Some(words) = verdict::how_sure(d) {
         out(labelled("sure: ", &words))?;
     }
-    if d.found.is_empty() || d.verdict == Verdict::Unexplained {
+    let said = view.to_correct.as_ref().is_some_and(|words| d.words.contains(words));
+    if !said && (d.found.is_empty() || d.verdict == Verdict::Unexplained) {
         out(labelled("", &d.words))?;
     }
     for found in &d.found {
@@ -125,7 +130,7 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     if details {
         rounds(d)?;
     }
-    for a in &d.advice {
+    for a in d.advice.iter().filter(|a| view.to_correct.as_ref() != Some(a)) {
         out(labelled("advice: ", a))?;
     }
     Ok(())

@@ -52,14 +52,16 @@ impl Exchange {
     pub fn exceeded_by(&self, advantage: f64) -> bool {
         advantage > (self.mean + BEYOND * self.sd).max(self.most)
     }
-    /// True if an advantage is smaller than the true effect would give. Where that is only likely,
-    /// it has to be clearly likelier if the other effect is true (`other`).
+    /// True if an advantage is smaller than the true effect would give, and likelier if the other
+    /// effect is true (`other`); clearly likelier where it is not far too small.
     pub fn missed_by(&self, advantage: f64, other: impl FnOnce() -> Option<Self>) -> bool {
         let below = (self.mean - advantage) / self.spread();
         if advantage >= self.least || below < LIKELY {
             return false;
         }
-        below > BEYOND_FOR_LESS || other().is_some_and(|o| o.density(advantage) > ODDS * self.density(advantage))
+        let far = below > BEYOND_FOR_LESS;
+        let odds = if far { 1.0 } else { ODDS };
+        other().map_or(far, |o| o.density(advantage) > odds * self.density(advantage))
     }
     fn spread(&self) -> f64 {
         self.sd.hypot(self.by_noise)

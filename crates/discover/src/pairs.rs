@@ -46,7 +46,8 @@ pub(crate) fn better_pair<'e>(search: &Search<'_, 'e>, ratio: f64) -> Option<Pai
 }
 
 /// A pair that explains as much as the effect chosen, with no more unknowns: drag in still air and
-/// a tilt, where wind was chosen. Asked only of effects that contain another one.
+/// a tilt, where wind was chosen. Asked only of effects that contain another one. No pair takes the
+/// place of an effect that beside one half of it explains more than both halves.
 pub(crate) fn pair_as_good<'e>(search: &Search<'_, 'e>) -> Option<Pair<'e>> {
     let chosen = &search.scores[search.best];
     if chosen.effect.about().contains.is_empty() {
@@ -56,6 +57,15 @@ pub(crate) fn pair_as_good<'e>(search: &Search<'_, 'e>) -> Option<Pair<'e>> {
     let (single, refit) = (&chosen.fold_error, search.refit);
     let ratio = (single.iter().sum::<f64>() / pair.2).sqrt();
     let same = ratio > SAME[usize::from(search.session.prior.is_some())];
+    let both_act = |half: &Scored<'e>| {
+        let beside = refit.with(search.session, search.problem.domain, &half.variant)?;
+        let error = fitted(search.session, &beside, &chosen.scored[chosen.best].variant)?.fold_error;
+        let less = (error.iter().sum::<f64>() / pair.2).sqrt() < refit.options.belief;
+        Some(less && sign_flip_p(&error, &pair.0.fold_error, 2000, refit.seed()) < 0.01)
+    };
+    if [&pair.0, &pair.1].into_iter().any(|half| both_act(half) == Some(true)) {
+        return None;
+    }
     (same || sign_flip_p(single, &pair.0.fold_error, 2000, refit.seed()) >= refit.options.significance).then_some(pair)
 }
 

@@ -3,8 +3,23 @@
 use aloft_body::BodyError;
 
 /// Span of the middle half of the markers of a person, or of their legs, m: 0.3 to 1.2 m for
-/// children and adults, so that a wrong unit is far outside.
-pub(crate) const SPAN_M: [f64; 2] = [0.05, 5.0];
+/// children and adults, so that a unit that is wrong by a factor of ten or more is outside.
+pub(crate) const SPAN_M: [f64; 2] = [0.15, 2.5];
+
+/// What was taken for what if a person's markers span this much.
+fn misread(span_m: f64) -> &'static str {
+    /// Middle of the span of children and adults, m.
+    const USUAL_M: f64 = 0.6;
+    match (span_m / USUAL_M).log10().round() as i64 {
+        ..=-3 => "metres read as millimetres",
+        -2 => "centimetres read as tenths of a millimetre, or metres as centimetres",
+        -1 => "centimetres read as millimetres",
+        1 => "millimetres read as centimetres",
+        2 => "centimetres read as metres",
+        3.. => "millimetres read as metres",
+        0 => "another unit than the stated one",
+    }
+}
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error)]
@@ -20,10 +35,11 @@ pub enum ScaleError {
     },
     /// The markers span what no body spans: the unit of the file is wrong.
     #[error(
-        "{trial}: the middle half of the markers spans {span_m:.2e} m, expected {} to {} m for a person: the unit of the file is not what it states, or other \
-         points lie among the markers (`import: {{point_unit: m}}` overrides the unit)",
+        "{trial}: the middle half of the markers spans {span_m:.2} m, expected {} to {} m for a person: probably {}. `import: {{point_unit: …}}` states the \
+         unit in place of the file; other points among the markers can be the reason, too",
         SPAN_M[0],
-        SPAN_M[1]
+        SPAN_M[1],
+        misread(*span_m)
     )]
     Span {
         #[doc(hidden)]

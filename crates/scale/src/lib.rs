@@ -39,6 +39,6 @@ pub use functional::{FunctionalAxis, FunctionalCentre, sara, score};
 pub use hip::HipMethod;
 pub use object::{ObjectInput, ObjectJointReport, ObjectOptions, ObjectReport, ScaledObject, scale_object};
 pub use object_spec::{HalfPlane, ObjectFrame, ObjectJoint, ObjectLink, ObjectSpec};
-pub use person::{PersonInput, ScaleOptions, Scaled, scale_person};
+pub use person::{PersonInput, ScaleOptions, Scaled, check_span, scale_person};
 pub use prior::{CarriedSegment, StaticAnatomy, attach_prior, prior_spread};
 pub use report::{JointMethod, JointUncertainty, PlausibilityLimits, ScaleReport, ScaleWarning};

@@ -63,9 +63,11 @@ pub struct Scaled {
     pub report: ScaleReport,
 }
 
-/// An error if the markers of the static pose span what no person spans.
-fn check_span(trial: &Trial, pose: &StaticPose) -> Result<(), ScaleError> {
-    let Some(frame) = pose.frames.get(pose.frames.len() / 2).copied() else { return Ok(()) };
+/// Checks that the markers in a frame span what a person's markers span.
+///
+/// # Errors
+/// [`ScaleError::Span`] if they do not: the unit is probably wrong.
+pub fn check_span(trial: &Trial, frame: usize) -> Result<(), ScaleError> {
     let seen: Vec<Vector3<f64>> = trial
         .markers
         .trajectories
@@ -109,7 +111,9 @@ pub fn scale_person(
     check_facts(input.facts)?;
     let mut warnings = Vec::new();
     let pose = StaticPose::find(trial, input.frames.as_ref(), &options.quiet)?;
-    check_span(trial, &pose)?;
+    if let Some(middle) = pose.frames.get(pose.frames.len() / 2) {
+        check_span(trial, *middle)?;
+    }
     let landmarks = Landmarks::read(trial, input.marker_set, &pose, &mut warnings);
     let skeleton = Builder {
         landmarks: &landmarks,
