@@ -45,7 +45,8 @@ pub fn explained_by_effects(session: &SubjectSession, check: &SessionCheck) -> b
 }
 
 /// True if an effect of the model may be the reason of a difference: of the mass by impulse any
-/// effect (a force, or a gain of the plates), of the vertical and free fall one that acts in flight.
+/// effect (a force, or a gain of the plates), of the vertical and free fall one that acts in
+/// flight.
 fn may_be_an_effect(session: &SubjectSession, line: &str) -> bool {
     let in_flight = |id: &str| EFFECTS.iter().find(|e| e.is_called(id)).is_none_or(|e| e.acts().in_flight());
     match line {

@@ -5,9 +5,9 @@ use crate::compare::compare;
 use crate::discover::{Kept, Volume, looked_at};
 pub use crate::history::{History, HistoryCoefficient, HistoryRow, history, reached};
 use crate::joint_laws::{joint_errors, refuse_without_torques};
+use crate::scene::scene;
 use crate::unknowns::{self, Examples};
 use crate::visible::refuse_invisible;
-use aloft_body::Subject;
 use aloft_discover::{Discovery, Estimate, Found, FoundLaw};
 use aloft_effects::{ActsIn, EFFECTS, EffectInstance, EffectKind, Family, FormulaEffect, Scene};
 use aloft_pipeline::ready_made::Replacing;
@@ -21,7 +21,6 @@ use aloft_study::ranges::parse_yaml;
 use aloft_study::revision::{ModelEffect, Revision, Revisions};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::read_json;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::seal;
 use aloft_workspace::workspace::Workspace;
@@ -170,34 +169,6 @@ fn page(f: &FormulaEffect, origin: &str) -> EffectPage {
     EffectPage { id: f.id.clone(), title: f.title.clone(), documentation: lines.join("\n").trim().to_owned() }
 }
 
-fn scene(session: &SubjectSession) -> Result<Scene, PipelineError> {
-    let ws = Workspace::open(&session.workspace);
-    let subject: Subject = read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json"))?;
-    let mut centres = Vec::new();
-    for t in session.included() {
-        let plates = aloft_workspace::artifact::plate_centres(&ws.place("import", &t.name)).unwrap_or_default();
-        if !plates.is_empty() {
-            centres = plates;
-            break;
-        }
-    }
-    Ok(Scene::new(&subject.model, &subject.prior_phi(), &centres))
-}
-
-/// Physical ranges of the coefficients of a model's effects, by their names in the parameters.
-pub(crate) fn coefficient_ranges(session: &SubjectSession) -> Result<BTreeMap<String, [f64; 2]>, PipelineError> {
-    let scene = scene(session)?;
-    let known = KnownEffects::of(&session.own_effects, &scene)?;
-    let mut out = BTreeMap::new();
-    for effect in session.effects.iter().filter(|e| !e.is_of_joints()) {
-        let choice = known.choice(&scene, effect)?;
-        for c in choice.effect.coefficients(&scene, choice.target) {
-            out.insert(format!("{}.{}", effect.key, c.name), [c.lower, c.upper]);
-        }
-    }
-    Ok(out)
-}
-
 /// Adds an effect as a new revision and brings the results that depend on it up to date. The
 /// workspace is locked throughout; `wait` waits for another process that holds the lock.
 pub fn add(
@@ -300,8 +271,8 @@ impl Asked {
         self.found.as_ref().is_some_and(|d| suggestion(d, key).is_some())
     }
 
-    /// What explains the recordings as well as an effect that the discovery named: the others of its
-    /// class, and the same effect on other links. None if the discovery did not name it.
+    /// What explains the recordings as well as an effect that the discovery named: the others of
+    /// its class, and the same effect on other links. None if the discovery did not name it.
     fn as_well(&self, effect: &ModelEffect) -> Option<Vec<String>> {
         let d = self.found.as_ref()?;
         let group = d.groups.iter().find(|g| g.effects.iter().any(|e| e == effect.id()))?;
@@ -386,6 +357,12 @@ fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, Pip
                 "run `{}` again: it will give its law an unused name, and rank the law in the file as well",
                 command(session, "discover", None)
             ),
+        ));
+    }
+    if law.is_none() && !known && key.starts_with("law_") {
+        return Err(PipelineError::request_hint(
+            format!("the last answer of `discover` has no law `{key}`"),
+            format!("`{}` seeks laws and says their names", command(session, "discover", None)),
         ));
     }
     let Some(law) = law.filter(|_| !known) else { return Ok(None) };

@@ -1,8 +1,8 @@
 //! `history`: the revisions of a model, and what each of them reached.
 
 use crate::compare::{ComparisonView, JudgedOn, compare};
-use crate::effect::coefficient_ranges;
 use crate::held_out::{HeldOutError, weight_n};
+use crate::scene::coefficient_ranges;
 use aloft_compare::{POOR_TIMES_FLOOR, significant};
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;

@@ -33,6 +33,7 @@ mod plates_follow;
 pub mod promise;
 pub mod repeated;
 mod results;
+mod scene;
 pub mod session_check;
 pub mod simulate;
 pub mod status;

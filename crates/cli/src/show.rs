@@ -4,7 +4,7 @@ use crate::render::{beside, half, out, significant, table};
 use crate::screen::{Cell, labelled};
 use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, errors_of, judged_on, mean};
-use aloft_analysis::parameters::ParametersView;
+use aloft_analysis::parameters::{ParametersView, half_of};
 use aloft_analysis::summary::Summary;
 use aloft_analysis::wording::model_word;
 use aloft_compare::Signal;
@@ -60,22 +60,26 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         let mut t = table(&[
             "link",
             "mass kg",
+            "± 95 %",
             "tables kg",
             "centre of mass m",
+            "± mm",
             "tables m",
             "principal inertias kg·m²",
             "from",
         ])
-        .wrapped(6);
+        .wrapped(8);
         for l in &p.links {
             let inertia = l.inertia().inertia_com_kgm2.symmetric_eigenvalues();
             let mut principal = [inertia[0], inertia[1], inertia[2]];
             principal.sort_by(f64::total_cmp);
             t.add_row([
                 l.name.clone(),
-                significant(l.mass_kg, 4),
+                beside(l.mass_kg, l.ci95.mass_kg),
+                half(l.ci95.mass_kg),
                 significant(l.prior.mass_kg, 4),
                 three(&l.com_m),
+                distance_mm(&l.ci95.com_m),
                 three(&l.prior.com_m.into()),
                 three(&principal),
                 l.from.describe(),
@@ -90,6 +94,13 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         Some(assessment) => crate::show_estimators::assessment(assessment),
         None => Ok(()),
     }
+}
+
+/// Half of the intervals of a point's coordinates as a distance, mm; a dash if one is not known.
+fn distance_mm(ci95: &[Option<[f64; 2]>; 3]) -> String {
+    let square = |ci: &Option<[f64; 2]>| half_of(*ci).map(|h| h * h);
+    let sum: Option<f64> = ci95.iter().map(square).sum();
+    sum.map_or("–".to_owned(), |s| significant(1000.0 * s.sqrt(), 2))
 }
 
 /// Single frames and windows axis by axis: details.

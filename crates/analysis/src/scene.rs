@@ -1,0 +1,41 @@
+//! The calibrated body with its effects: the scene in which columns are formed, and the physical
+//! ranges of the coefficients of a model's effects.
+
+use aloft_body::Subject;
+use aloft_effects::Scene;
+use aloft_study::effects::KnownEffects;
+use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::json::read_json;
+use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::workspace::Workspace;
+use std::collections::BTreeMap;
+
+/// The scene of a calibrated body, in which effects have their coefficients.
+pub(crate) fn scene(session: &SubjectSession) -> Result<Scene, PipelineError> {
+    let ws = Workspace::open(&session.workspace);
+    let subject: Subject = read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json"))?;
+    let mut centres = Vec::new();
+    for t in session.included() {
+        let plates = aloft_workspace::artifact::plate_centres(&ws.place("import", &t.name)).unwrap_or_default();
+        if !plates.is_empty() {
+            centres = plates;
+            break;
+        }
+    }
+    Ok(Scene::new(&subject.model, &subject.prior_phi(), &centres))
+}
+
+/// Physical ranges of the coefficients of a model's effects, by their names in the parameters.
+pub(crate) fn coefficient_ranges(session: &SubjectSession) -> Result<BTreeMap<String, [f64; 2]>, PipelineError> {
+    let scene = scene(session)?;
+    let known = KnownEffects::of(&session.own_effects, &scene)?;
+    let mut out = BTreeMap::new();
+    for effect in session.effects.iter().filter(|e| !e.is_of_joints()) {
+        let choice = known.choice(&scene, effect)?;
+        for c in choice.effect.coefficients(&scene, choice.target) {
+            out.insert(format!("{}.{}", effect.key, c.name), [c.lower, c.upper]);
+        }
+    }
+    Ok(out)
+}
