@@ -247,7 +247,12 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
         )
     });
     let outside = now.iter().flat_map(|n| &n.coefficients).filter_map(outside_its_range);
-    let cautions = still_missing.into_iter().chain(outside).chain(r.confusable.iter().map(as_well)).collect();
+    let cautions = still_missing
+        .into_iter()
+        .chain(now.and_then(|n| only_together(&n.coefficients)))
+        .chain(outside)
+        .chain(r.confusable.iter().map(as_well))
+        .collect();
     HistoryRow {
         revision: r.number,
         action: r.action.clone(),
@@ -295,6 +300,16 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
         confusable: r.confusable.clone(),
         cautions,
     }
+}
+
+/// What it means that some coefficients have no interval beside others that have one.
+fn only_together(coefficients: &[ReachedCoefficient]) -> Option<String> {
+    let without: Vec<String> =
+        coefficients.iter().filter(|c| c.ci95.is_none()).map(|c| format!("`{}`", c.name)).collect();
+    let some = !without.is_empty() && without.len() < coefficients.len();
+    some.then(|| {
+        format!("{} have no interval: what they do together is determined, and not each of them", without.join(", "))
+    })
 }
 
 /// What it means that a coefficient is outside its physical range; none if it is inside.

@@ -191,7 +191,8 @@ fn without_refused(
             if let (Domain::Contact, Some(rival), Some(flight)) = (domain, chosen, flight) {
                 let forces = effects.iter().filter(|e| wanted(**e, options) && judged_in(**e, Domain::Flight));
                 let forces: Vec<&dyn Effect> = forces.copied().collect();
-                also_in_flight(session, &problem, &forces, flight, mean_square(rival), &mut round);
+                let in_some = !rival.scored.variant.group.is_empty();
+                also_in_flight(session, &problem, &forces, flight, mean_square(rival), in_some, &mut round);
             }
             let gain = chosen.map_or(0.0, |r| plain - mean_square(r));
             if let (Some(first), Some(_)) = (first_gain, chosen)

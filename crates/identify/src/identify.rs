@@ -1,6 +1,7 @@
 //! The whole identification step: from factors to parameters with uncertainty, consistent links and
 //! a verdict.
 
+use crate::alike::alike;
 use crate::clusters::{Clusters, choose_weight, merge_groups};
 use crate::gate::{determination, judge};
 use crate::interval::{half_of, interval95};
@@ -470,14 +471,18 @@ impl Fit {
         if self.x.len() < p + merged.n_effects() {
             return Vec::new();
         }
-        merged
-            .columns
-            .effects
+        let names = &merged.columns.effects;
+        let wider = |name: &String| widening.get(name).copied().unwrap_or(1.0).max(1.0);
+        let own = |(k, name): (usize, &String)| wider(name) * self.covariance[(p + k, p + k)].max(0.0).sqrt();
+        let se: Vec<f64> = names.iter().enumerate().map(own).collect();
+        // a prior tells columns apart that are alike beside a body about which nothing is known
+        let theta = self.x.rows(p, names.len()).into_owned();
+        let alike = if self.prior_weight > 0.0 { vec![false; se.len()] } else { alike(merged, &theta, &se) };
+        names
             .iter()
             .enumerate()
             .map(|(k, name)| {
-                let wider = widening.get(name).copied().unwrap_or(1.0).max(1.0);
-                let (value, se) = (self.x[p + k], wider * self.covariance[(p + k, p + k)].max(0.0).sqrt());
+                let (value, se) = (self.x[p + k], if alike[k] { f64::NAN } else { se[k] });
                 let freedom = self.freedom(p + k);
                 EffectEstimate {
                     name: name.clone(),

@@ -17,6 +17,7 @@
 //! compares window lengths, [`excitation_advice`] evaluates motions that were not recorded.
 
 pub mod advice;
+mod alike;
 pub mod balance;
 mod clusters;
 mod design;

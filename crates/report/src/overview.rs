@@ -4,7 +4,7 @@ use super::headline::headline;
 use super::place_errors::{self, errors_by_place};
 use super::prediction::model_table;
 use super::story::{Story, TrialStory};
-use super::wording::{card, maybe, number};
+use super::wording::{at_words, card, maybe, number};
 use super::{STUDY, ladder, lights, player, residuals, series, session};
 use aloft_analysis::freshness::Freshness;
 use aloft_page::{Block, Card, Cell, Chapter, Light, Section, Table};
@@ -187,7 +187,7 @@ fn row(t: &TrialStory<'_>) -> Vec<Cell> {
         (Some(reason), _) => format!("excluded: {reason}"),
         (None, None) => "not run".to_owned(),
         _ => {
-            let mut shown: Vec<String> = remarks.iter().take(2).map(|r| r.1.chars().take(160).collect()).collect();
+            let mut shown: Vec<String> = remarks.iter().take(2).map(|r| at_words(&r.1, 160)).collect();
             if remarks.len() > 2 {
                 shown.push(format!("{} more", remarks.len() - 2));
             }

@@ -78,6 +78,13 @@ pub fn short(name: &str) -> String {
     }
 }
 
+/// A text of at most `most` characters, cut between words.
+pub fn at_words(text: &str, most: usize) -> String {
+    let Some((end, _)) = text.char_indices().nth(most) else { return text.to_owned() };
+    let head = text[..end].rsplit_once(' ').map_or(&text[..end], |(head, _)| head);
+    format!("{}…", head.trim_end_matches([',', ';', ':']))
+}
+
 /// A card with one figure of merit.
 pub fn card(label: &str, value: String, note: impl Into<String>, light: Light) -> Card {
     Card { label: label.to_owned(), value, note: note.into(), light }
@@ -92,6 +99,13 @@ mod tests {
         assert_eq!(short("two-link chain, one hinge with bearings"), "two-link chain");
         assert_eq!(short(&"x".repeat(80)).chars().count(), 48);
         assert_eq!(anchor("trial", "s01/jump 1"), "trial-s01-jump-1");
+    }
+
+    #[test]
+    fn long_texts_end_between_words() {
+        assert_eq!(at_words("no longer than this", 19), "no longer than this");
+        assert_eq!(at_words("the static trial, and more", 19), "the static trial…");
+        assert_eq!(at_words("ünïcödé", 3), "ünï…");
     }
 
     #[test]
