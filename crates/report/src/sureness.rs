@@ -99,6 +99,8 @@ pub(crate) fn missing(story: &Story<'_>) -> String {
 /// determine.
 pub(crate) fn how_sure(story: &Story<'_>, first: Option<&PlaceError>) -> String {
     let mut parts: Vec<String> = asked(story).and_then(|d| evidence(story, d, first)).into_iter().collect();
+    // of the effects in the model
+    parts.extend(story.history.revisions.last().iter().flat_map(|r| &r.cautions).map(|words| sentence_of(words)));
     if let Some(found) = &story.found {
         let p = &found.parameters;
         let flights = count(p.n_stretches, "flight");
