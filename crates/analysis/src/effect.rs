@@ -361,8 +361,8 @@ fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, Pip
     }
     if law.is_none() && !known && key.starts_with("law_") {
         return Err(PipelineError::request_hint(
-            format!("the last answer of `discover` has no law `{key}`"),
-            format!("`{}` seeks laws and says their names", command(session, "discover", None)),
+            format!("`discover` has found no law `{key}` on these recordings"),
+            format!("`{}` searches for laws and prints their names", command(session, "discover", None)),
         ));
     }
     let Some(law) = law.filter(|_| !known) else { return Ok(None) };

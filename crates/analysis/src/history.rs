@@ -307,9 +307,7 @@ fn only_together(coefficients: &[ReachedCoefficient]) -> Option<String> {
     let without: Vec<String> =
         coefficients.iter().filter(|c| c.ci95.is_none()).map(|c| format!("`{}`", c.name)).collect();
     let some = !without.is_empty() && without.len() < coefficients.len();
-    some.then(|| {
-        format!("{} have no interval: what they do together is determined, and not each of them", without.join(", "))
-    })
+    some.then(|| format!("{} have no interval: the recordings do not determine each of them alone", without.join(", ")))
 }
 
 /// What it means that a coefficient is outside its physical range; none if it is inside.

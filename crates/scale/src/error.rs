@@ -12,7 +12,7 @@ fn misread(span_m: f64) -> &'static str {
     const USUAL_M: f64 = 0.6;
     match (span_m / USUAL_M).log10().round() as i64 {
         ..=-3 => "metres read as millimetres",
-        -2 => "centimetres read as tenths of a millimetre, or metres as centimetres",
+        -2 => "metres read as centimetres",
         -1 => "centimetres read as millimetres",
         1 => "millimetres read as centimetres",
         2 => "centimetres read as metres",
