@@ -158,6 +158,10 @@ class Laboratories:
             kept["open"] = {**kept["open"], "atlas": (kept["open"].get("atlas") or [])[:5]}
         # the stated mass is said to be wrong before any effect is looked for
         kept["wrong_mass"] = bool((compared.get("impulse_mass") or {}).get("wrong"))
+        # share of the error that each effect leaves when it is the first one, by kind of motion
+        kept["leaves"] = {}
+        for made in found.get("rounds", []):
+            kept["leaves"].setdefault(made["judged_on"], {c["effect"]: c["held_out_ratio"] for c in made["candidates"] if not c["placebo"]})
         kept["found"] = [f["key"] for f in found.get("found", [])]
         kept["also_on"] = {f["key"]: f.get("also_on", []) for f in found.get("found", [])}
         kept["estimates"] = {f"{f['key']}.{c['name']}": [c["value"], *(c["ci95"] or [None, None])] for f in found.get("found", []) for c in f["coefficients"]}

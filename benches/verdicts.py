@@ -294,6 +294,7 @@ def score(folders):
         groups = [("hidden, all", hidden)]
         groups += [(f"strength {s}", [line for line in hidden if line["strength"] == s]) for s in strengths]
         groups += [(case, [line for line in hidden if line["case"] == case]) for case in sorted({line["case"] for line in hidden})]
+        groups += [(f"strength {s}, told apart", [line for line in hidden if line["strength"] == s and told_apart(line)]) for s in strengths]
         groups += [("empty", [line for line in of_body if not line["strength"]])]
         print(f"\n## {body}\n\n| sets | n | " + " | ".join(OUTCOMES) + " |\n" + "|---" * (len(OUTCOMES) + 2) + "|")
         for name, group in groups:
@@ -307,6 +308,17 @@ def score(folders):
         if times_s:
             print(f"\ndiscover: median {times_s[len(times_s) // 2]:.1f} s, longest {times_s[-1]:.1f} s; not usable: {unusable}; "
                   f"strength off by more than {TOLERANCE:.0%}: {', '.join(off) or 'none'}")
+
+
+def told_apart(line):
+    """True if the one hidden effect leaves less than each other effect by more than the floor's spread: half of its 95 % interval."""
+    answer = line.get("answer") or {}
+    leaves, spread = (answer.get("leaves") or {}).get(line.get("judged_on")), answer.get("noise_floor_ci95")
+    if line["case"] not in ("one", "part") or not leaves or not spread:
+        return False
+    hidden = set(line["truth"][0]) | (HEAVIER if line["kind"] == "load" else set())
+    own, other = ([x for e, x in leaves.items() if (e in hidden) == hides and x is not None] for hides in (True, False))
+    return bool(own and other) and (min(other) - min(own)) * answer["held_out_error"] > (spread[1] - spread[0]) / 2
 
 
 def links(lines):

@@ -98,3 +98,27 @@ fn a_law_takes_the_place_of_an_effect_within_a_wide_floor_and_holds_in_contact()
     let contact = ["errors", "errors_after"].map(|list| in_contact(&found, list));
     assert!(contact[0] > 4.0 && contact[1] < 1.5, "{contact:?}");
 }
+
+/// Flights are fitted to their floor by a thrust. On flights and contact together a law that follows
+/// the elbow leaves less, so that the thrust is not named, and the answer says why.
+#[test]
+fn a_law_that_does_better_on_all_rows_takes_the_place_of_an_effect_at_the_floor() {
+    let found = discovered("human_elbow_force", &[]);
+    assert_eq!((&found["verdict"], names(&found["effects"])), (&"unexplained".into(), vec![]), "{}", found["words"]);
+    let (against, first) = (&found["against"], &found["candidates"][0]);
+    assert_eq!((&against["effect"], &first["effect"]), (&"thrust".into(), &"thrust".into()), "the test has lost its case");
+    let [ratio, p] = ["error_ratio", "p_value"].map(|key| against[key].as_f64().unwrap());
+    assert!(ratio < 0.93 && p < 0.01, "{against}");
+    assert!(found["words"].as_str().unwrap().contains("`thrust` is not named, because"), "{}", found["words"]);
+    let law = &found["open"]["laws"][0];
+    assert_eq!((&law["carrier"], names(&law["variables"])), (&"forearm_r".into(), vec!["q_forearm_r"]));
+}
+
+/// The same comparison keeps the effect where it is the truth.
+#[test]
+fn an_effect_that_acts_does_no_worse_than_any_law() {
+    let found = discovered("human_crane", &[]);
+    assert!(names(&found["effects"]).contains(&"crane"), "{}", found["words"]);
+    let ratio = found["against"]["error_ratio"].as_f64().expect("a law to compare the crane with");
+    assert!(ratio > 0.97, "{}", found["against"]);
+}

@@ -3,6 +3,7 @@
 
 use crate::by_stages::Staged;
 use crate::candidate::Variant;
+use crate::conclude::variant_of;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
 use crate::laws::{Direction, FoundLaw, Line, OpenWorld};
@@ -11,7 +12,7 @@ use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::refused::Refused;
-use crate::result::{Discovery, Verdict};
+use crate::result::{AgainstLaw, Discovery, Verdict};
 use crate::session::Session;
 use aloft_effects::{Effect, EffectInstance};
 
@@ -54,8 +55,12 @@ pub(crate) fn look_beyond(
     let far_away = kept.iter().any(|v| is_far_away(session, v));
     let remains = left[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
     let several_above = several && session.model_error[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
-    // an effect that stands in for a law of another form can reach a wide interval of the floor
-    let may_hide = far_away || left[0].as_ref().is_some_and(HeldOutResult::may_hide_more);
+    // an effect that stands in for a law of another form can reach a wide interval of the floor; where
+    // contact can tell the two apart, any error above the floor is a reason to ask
+    let above_in_contact = acting && left[1].as_ref().is_some_and(HeldOutResult::is_above);
+    let compared_there = acting && session.prior.is_some() && left[1].is_some();
+    let above = |s: &HeldOutResult| s.may_hide_more() || compared_there && s.times_floor() > 1.0;
+    let may_hide = far_away || above_in_contact || left[0].as_ref().is_some_and(above);
     let hides = far_in_contact || with_effects.is_some() && may_hide;
     if !(remains || several_above || hides || out.misfit.is_some()) {
         return;
@@ -76,6 +81,11 @@ pub(crate) fn look_beyond(
     let in_doubt = out.misfit.is_some() || far_away;
     let doubted = with_effects.filter(|_| in_doubt).map(errors);
     let within_floor = hides && !in_doubt && !remains && !several_above;
+    // one effect of which the answer names several is compared as each of them
+    let members = match (kept, &out.groups[..]) {
+        ([one], [_]) if named => members(session, effects, one, out),
+        _ => Vec::new(),
+    };
     let rival = crate::laws::Rivals {
         ratio,
         single,
@@ -84,9 +94,11 @@ pub(crate) fn look_beyond(
         within_floor,
         lines: kept.iter().filter_map(|v| Line::of(session.scene, v)).collect(),
         far_in_contact,
+        named: &members,
     };
-    out.open = crate::laws::search(session, accepted, rival, &taken, until, options);
-    let Some(open) = &mut out.open else { return };
+    let Some((made, against)) = crate::laws::search(session, accepted, rival, &taken, until, options) else { return };
+    out.against = against;
+    let open = out.open.insert(made);
     let staged = where_they_act(session, open).map(|s| s.errors);
     open.times_floor_in_contact = staged.and_then(|s| s[1]).map(|e| e.times_floor()).filter(|t| t.is_finite());
     if let Some([Some(s), _]) = &staged {
@@ -107,8 +119,12 @@ pub(crate) fn look_beyond(
         let laws = staged.and_then(|s| s[place]);
         laws.zip(left[place]).is_some_and(|(laws, e)| laws.held_out_error < LESS * e.held_out_error)
     };
+    let on_both = out.against.as_ref().is_some_and(AgainstLaw::is_for_the_law);
     let leaves_less = less(0) || far_in_contact && less(1);
-    if (named || far_in_contact) && (constant || (within_floor && !(open.complete && leaves_less))) {
+    // a law that does better on all rows refutes the effect, even if too much remains to state it
+    let refuted = on_both && open.laws.is_empty();
+    let stands = within_floor && !(on_both || open.complete && leaves_less);
+    if (named || far_in_contact) && (constant && !refuted || stands) {
         if named {
             // what the catalogue names stands, unless a law leaves less
             out.open = None;
@@ -118,19 +134,35 @@ pub(crate) fn look_beyond(
         return;
     }
     let limit = if session.prior.is_some() { options.belief_kinematics } else { options.belief };
-    let acts =
-        open.diagnosis.as_ref().is_some_and(|d| d.held_out_ratio < limit && d.family_wise_p < options.significance);
+    let acts = refuted
+        || open.diagnosis.as_ref().is_some_and(|d| d.held_out_ratio < limit && d.family_wise_p < options.significance);
     if !open.laws.is_empty() || acts {
         out.verdict = Verdict::Unexplained;
         out.effects.clear();
+        out.groups.clear();
     }
-    if !open.laws.is_empty() {
+    if !open.laws.is_empty() || refuted {
         // effects that removed a part of the error stood in for the law
         out.misfit = None;
         out.found.clear();
         out.ladder.clear();
         out.held_out_error_after = open.held_out_error_after;
     }
+}
+
+/// The effect found and the others that the answer names in its place, with the values of their own
+/// fits.
+fn members<'a>(
+    session: &Session<'_>,
+    effects: &[&'a dyn Effect],
+    found: &Variant<'a>,
+    out: &Discovery,
+) -> Vec<Variant<'a>> {
+    let id = found.effect.id();
+    let rounds = out.rounds.iter().filter(|r| !r.superseded && r.joined.iter().any(|j| j == id));
+    let named = rounds.flat_map(|r| r.candidates.iter().filter(|c| r.effects.contains(&c.effect) && c.effect != id));
+    let others = named.filter_map(|c| variant_of(session, effects, c));
+    std::iter::once(found.clone()).chain(others).collect()
 }
 
 /// Errors with the laws of a search in the model, by the stages. Laws are fitted to flights; if

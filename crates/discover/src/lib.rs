@@ -113,8 +113,8 @@ pub use laws::{
 };
 pub use options::DiscoverOptions;
 pub use result::{
-    Addition, Alternative, Candidate, Confusion, Discovery, Estimate, Found, Group, Misfit, NotTried, RivalTest, Round,
-    Verdict,
+    Addition, AgainstLaw, Alternative, Candidate, Confusion, Discovery, Estimate, Found, Group, Misfit, NotTried,
+    RivalTest, Round, Verdict,
 };
 pub use self_test::{Injection, SelfTest, SelfTestOptions, SelfTestProgress, SelfTestRow, self_test};
 pub use session::{Body, Session, TrialInput, scene_of};

@@ -326,6 +326,10 @@ pub struct Discovery {
     /// says; null where nothing shows that.
     #[serde(default)]
     pub misfit: Option<Misfit>,
+    /// The effects that are named beside the best law beyond the catalogue; null where no such law was
+    /// found in flight and contact together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub against: Option<AgainstLaw>,
     /// Search beyond the catalogue; null if the error is at its floor, or the catalogue explains
     /// it.
     #[serde(default)]
@@ -337,6 +341,20 @@ pub struct Discovery {
     /// possible.
     #[serde(default)]
     pub not_tried: Vec<NotTried>,
+}
+
+/// The effects that are named beside the best law beyond the catalogue, each fitted to flights and
+/// contact.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct AgainstLaw {
+    /// Identifier of the effect that leaves the least error of those named.
+    pub effect: String,
+    /// Held-out error with the law over that with the effect (root mean square).
+    #[serde(deserialize_with = "nullable")]
+    pub error_ratio: f64,
+    /// Probability that chance alone puts the law this far ahead (sign flips of the recordings).
+    #[serde(deserialize_with = "nullable")]
+    pub p_value: f64,
 }
 
 /// Dependence of a named effect's strength that its law does not describe.

@@ -3,7 +3,7 @@
 use crate::held_out::HeldOutResult;
 use crate::laws::{OpenWorld, WHOLE_BODY};
 use crate::problem::Domain;
-use crate::result::{Candidate, Discovery, Estimate, FEWEST_CLUSTERS, MANY_CLUSTERS, Round, Verdict};
+use crate::result::{AgainstLaw, Candidate, Discovery, Estimate, FEWEST_CLUSTERS, MANY_CLUSTERS, Round, Verdict};
 use aloft_effects::{About, Effect, EffectKind};
 use aloft_identify::half_of;
 
@@ -247,6 +247,16 @@ pub(crate) fn with_open(d: &Discovery, open: &OpenWorld, far: bool) -> String {
         d.held_out_error,
         d.held_out_error / d.noise_floor,
         open.words
+    )
+}
+
+/// Why an effect is not named although it lowers the error.
+pub(crate) fn refuted(a: &AgainstLaw) -> String {
+    format!(
+        "; `{}` is not named, because on flights and contact together a law of another form leaves {:.2} times its error (p = {})",
+        a.effect,
+        a.error_ratio,
+        digits(a.p_value, 1)
     )
 }
 

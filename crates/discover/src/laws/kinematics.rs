@@ -111,6 +111,16 @@ impl Direction {
         Self::SpinCrossVelocity,
     ];
 
+    /// The magnitude of the vector that this direction follows: the variable of a law that looks the
+    /// same from every side.
+    pub fn magnitude(self) -> Option<Variable> {
+        match self {
+            Self::AgainstVelocity | Self::AcrossVelocity | Self::AcrossVelocityInLink => Some(Variable::Speed),
+            Self::AgainstSpin => Some(Variable::Spin),
+            _ => None,
+        }
+    }
+
     /// Number of components with a coefficient each.
     pub fn components(self) -> usize {
         match self {

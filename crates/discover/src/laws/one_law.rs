@@ -105,7 +105,14 @@ fn simplest(laws: &[Fitted], person: bool) -> Option<&Fitted> {
             && f.law.direction == best.law.direction;
         ratio <= SIMPLER || (person && constant && ratio <= PERSON) || (mean <= sd / n.sqrt() && ratio <= 1.05)
     };
-    laws.iter().filter(as_good).min_by(|a, b| a.unknowns.cmp(&b.unknowns).then(a.error().total_cmp(&b.error())))
+    // of two variables that serve equally well, the speed describes a resistance rather than one
+    // component of the velocity
+    let one_sided = |f: &Fitted| {
+        let magnitude = f.law.direction.magnitude();
+        magnitude.is_some_and(|m| f.law.factors.iter().any(|f| f.variable != m && f.variable != Variable::None))
+    };
+    let key = |f: &Fitted| (f.unknowns, one_sided(f));
+    laws.iter().filter(as_good).min_by(|a, b| key(a).cmp(&key(b)).then(a.error().total_cmp(&b.error())))
 }
 
 /// A law times a function of a second variable.

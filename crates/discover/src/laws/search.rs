@@ -12,13 +12,14 @@ use super::near_joint::other_links;
 use super::next::next_recording;
 use super::one_law::{OneLaw, SIMPLER, one_law};
 use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
-use super::with_contact::{Flights, IN_FLIGHT, in_use, with_contact};
+use super::with_contact::{Flights, IN_FLIGHT, OfBoth, in_use, with_contact};
 use super::wording;
+use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
-use crate::result::{Estimate, FEWEST_CLUSTERS};
+use crate::result::{AgainstLaw, Estimate, FEWEST_CLUSTERS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use crate::thin::{FEWEST, with_at_most};
@@ -37,6 +38,8 @@ const PRODUCT: f64 = 0.7;
 const FURTHER: f64 = 0.6;
 /// Probability by chance below which a law is better than an effect whose form is in doubt.
 const TRUER: f64 = 0.01;
+/// Share of a named effect's error in flight and contact that a law leaves at most to take its place.
+const LESS_ON_BOTH: f64 = 0.93;
 /// Most flights that the atlas is made of.
 const MOST_IN_ATLAS: usize = 120;
 /// Most flights in which the form of a law is sought: each of several hundred trial laws is fitted
@@ -47,6 +50,13 @@ const MOST_FITTED: usize = 60;
 const NEAR_JOINT_M: f64 = 0.025;
 /// Largest number of laws.
 const ROUNDS: usize = 3;
+
+impl AgainstLaw {
+    /// True if the law leaves clearly less than every named effect, in recording after recording.
+    pub(crate) fn is_for_the_law(&self) -> bool {
+        self.error_ratio < LESS_ON_BOTH && self.p_value < TRUER
+    }
+}
 
 /// A law as accepted in its round.
 #[derive(Clone)]
@@ -63,8 +73,7 @@ struct Step {
 }
 
 /// What laws have to do better than.
-#[derive(Debug, Clone)]
-pub(crate) struct Rivals {
+pub(crate) struct Rivals<'v, 'a> {
     /// Share of the error that the best effects of the catalogue leave.
     pub ratio: f64,
     /// Share that the best single effect leaves.
@@ -83,6 +92,8 @@ pub(crate) struct Rivals {
     /// True if the named effects leave contact far above its floor: a law of both is stated even if
     /// it leaves up to [`IN_FLIGHT`] times their error in flight.
     pub far_in_contact: bool,
+    /// The effects that the catalogue names, of which one is missing; empty if several are.
+    pub named: &'v [Variant<'a>],
 }
 
 /// Searches for a law beyond the catalogue on what a model leaves in flight. `taken` are
@@ -91,11 +102,11 @@ pub(crate) struct Rivals {
 pub(crate) fn search(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],
-    catalogue: Rivals,
+    catalogue: Rivals<'_, '_>,
     taken: &[&str],
     until: &Until,
     options: &DiscoverOptions,
-) -> Option<OpenWorld> {
+) -> Option<(OpenWorld, Option<AgainstLaw>)> {
     let everywhere = &in_use(session);
     let session = &everywhere.in_flight();
     let model_error = session.model_error[0];
@@ -113,6 +124,7 @@ pub(crate) fn search(
     let mut first: Option<(Atlas, usize)> = None;
     let mut diagnosis = None;
     let mut next = None;
+    let mut against = None;
     let mut left = before;
     for round in 0..ROUNDS {
         let problem = if round == 0 {
@@ -151,10 +163,13 @@ pub(crate) fn search(
                 groups: &made.groups,
                 law: law.as_ref(),
                 lines: &catalogue.lines,
+                named: if round == 0 { catalogue.named } else { &[] },
             };
             let extra = columns_of(everywhere, accepted, &laws, Domain::Both)?;
-            if let Some((better, by_chance)) = with_contact(everywhere, &extra, &flights, believed, until, options) {
+            if let Some(made) = with_contact(everywhere, &extra, &flights, believed, until, options) {
+                let OfBoth { law: better, p: by_chance, against: beside } = made;
                 (law, p, of_both) = (Some(better), by_chance, true);
+                against = against.or(beside);
             }
         }
         if let Some(OneLaw { best: found, rival, also }) = law {
@@ -203,10 +218,16 @@ pub(crate) fn search(
         same && sign_flip_p(&law.fitted.errors, errors, 2000, options.seed ^ 0xf02a) < TRUER
     };
     let of_both = laws.len() == 1 && laws[0].of_both;
-    let better = (catalogue.far_in_contact && of_both && ratio <= IN_FLIGHT * catalogue.ratio)
+    let against = against.filter(|_| of_both);
+    let truer_on_both = against.as_ref().is_some_and(AgainstLaw::is_for_the_law);
+    // all rows together say that an effect is at least as good
+    let worse_on_both = against.as_ref().is_some_and(|a| a.error_ratio > 1.0);
+    let any_better = (catalogue.far_in_contact && of_both && ratio <= IN_FLIGHT * catalogue.ratio)
         || ratio < if catalogue.within_floor { 1.0 } else { BETTER } * catalogue.ratio
         || catalogue.several.is_some_and(simpler)
-        || catalogue.doubted.as_ref().is_some_and(truer);
+        || catalogue.doubted.as_ref().is_some_and(truer)
+        || truer_on_both;
+    let better = any_better && !worse_on_both;
     let complete = complete && better;
     let named = complete || (better && ratio < PART);
     let found: Vec<FoundLaw> = if named {
@@ -259,7 +280,7 @@ pub(crate) fn search(
         words: String::new(),
     };
     out.words = wording::answer(&out);
-    Some(out)
+    Some((out, against))
 }
 
 /// True if a share of the squared error stands within the floor's interval.

@@ -10,10 +10,15 @@ use super::evidence::{DRAWS, Evidence};
 use super::fit::{self, Fitted, STEPS, TRIED, places};
 use super::kinematics::{Action, Carrier, Direction, Variable};
 use super::one_law::{OneLaw, one_law};
+use crate::candidate::{Scored, Variant};
+use crate::nonlinear::fitted;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
+use crate::rank::judged_in;
+use crate::result::AgainstLaw;
 use crate::session::Session;
+use crate::statistics::sign_flip_p;
 use crate::thin::{FEWEST, with_at_most};
 use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, Vector3};
@@ -61,6 +66,17 @@ pub(super) struct Flights<'s, 'a> {
     pub law: Option<&'s OneLaw>,
     /// Lines along which effects found in flight act.
     pub lines: &'s [Line],
+    /// Effects that the catalogue names, of which one is missing.
+    pub named: &'s [Variant<'a>],
+}
+
+/// A law of flights and contact.
+pub(super) struct OfBoth {
+    pub law: OneLaw,
+    /// Probability by chance.
+    pub p: f64,
+    /// The named effects beside the law.
+    pub against: Option<AgainstLaw>,
 }
 
 /// The law of flights and contact together with its probability by chance, if it leaves less than
@@ -73,7 +89,7 @@ pub(super) fn with_contact(
     believed: f64,
     until: &Until,
     options: &DiscoverOptions,
-) -> Option<(OneLaw, f64)> {
+) -> Option<OfBoth> {
     let all = Problem::new(session, Domain::Both, extra, options.fewest_trials, options.prior_weight).ok()?;
     let some = with_at_most(session, &all, MOST_STRETCHES, FEWEST);
     let (session, both) = some.as_ref().map_or((session, &all), |(s, p, _)| (s, p));
@@ -106,6 +122,7 @@ pub(super) fn with_contact(
     let again = |f: &Fitted| fit::fit(session, both, &f.law, f.nonlinear.clone(), STEPS);
     let of_flights = flights.law.iter().flat_map(|l| std::iter::once(&l.best).chain(&l.rival)).filter_map(again);
     let OneLaw { best, rival, also } = one_law(session, both, &evidence, &groups, of_flights.collect(), until)?;
+    let against = against(session, both, flights.named, &best, options.seed);
     let plain = |p: &Problem| p.folds.iter().map(|f| f.error).sum::<f64>();
     let left = best.error() / plain(both);
     let best = judged_in_flight(flights, best)?;
@@ -114,7 +131,29 @@ pub(super) fn with_contact(
     let limit = believed * believed;
     (left < limit && left_in_flight < limit && !worse).then(|| {
         let rival = rival.and_then(|r| judged_in_flight(flights, r));
-        (OneLaw { best, rival, also }, p)
+        OfBoth { law: OneLaw { best, rival, also }, p, against }
+    })
+}
+
+/// The best of the named effects, fitted to the rows of flights and contact from their values in
+/// flight, beside a law that was fitted to them. None if one of the effects acts in flight only.
+fn against(
+    session: &Session<'_>,
+    both: &Problem,
+    named: &[Variant<'_>],
+    law: &Fitted,
+    seed: u64,
+) -> Option<AgainstLaw> {
+    if !named.iter().all(|v| judged_in(v.effect, Domain::Both)) {
+        return None;
+    }
+    let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
+    let made = named.iter().filter_map(|v| fitted(session, both, v));
+    let best = made.min_by(|a, b| error(a).total_cmp(&error(b)))?;
+    Some(AgainstLaw {
+        effect: best.variant.effect.id().to_owned(),
+        error_ratio: (law.error() / error(&best)).sqrt(),
+        p_value: sign_flip_p(&law.errors, &best.fold_error, 2000, seed ^ 0xf02a),
     })
 }
 
