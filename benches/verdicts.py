@@ -18,6 +18,9 @@ An answer consists of classes ("one of wind, tilt"), one for each effect that th
   missed       "nothing missing" or "not detectable"
   wrong        a class holds no hidden effect
 
+Rows "told apart" hold the sets of one effect whose error is below that of each other effect, by itself, by more than the
+floor's spread (half of its 95 % interval): where the recordings tell the effect from all others.
+
 Of empty sets "nothing missing" and "not detectable" are right. Results are lines of JSON in OUT (`sizes.jsonl`,
 `sets.jsonl`); a run that was interrupted continues. Usage:
 

@@ -99,14 +99,18 @@ fn a_law_takes_the_place_of_an_effect_within_a_wide_floor_and_holds_in_contact()
     assert!(contact[0] > 4.0 && contact[1] < 1.5, "{contact:?}");
 }
 
-/// Flights are fitted to their floor by a thrust. On flights and contact together a law that follows
-/// the elbow leaves less, so that the thrust is not named, and the answer says why.
+/// Flights are fitted to their floor by a thrust. On flights and contact together a law that
+/// follows the elbow leaves less, so that the thrust is not named, and the answer says why.
 #[test]
 fn a_law_that_does_better_on_all_rows_takes_the_place_of_an_effect_at_the_floor() {
     let found = discovered("human_elbow_force", &[]);
     assert_eq!((&found["verdict"], names(&found["effects"])), (&"unexplained".into(), vec![]), "{}", found["words"]);
     let (against, first) = (&found["against"], &found["candidates"][0]);
-    assert_eq!((&against["effect"], &first["effect"]), (&"thrust".into(), &"thrust".into()), "the test has lost its case");
+    assert_eq!(
+        (&against["effect"], &first["effect"]),
+        (&"thrust".into(), &"thrust".into()),
+        "the test has lost its case"
+    );
     let [ratio, p] = ["error_ratio", "p_value"].map(|key| against[key].as_f64().unwrap());
     assert!(ratio < 0.93 && p < 0.01, "{against}");
     assert!(found["words"].as_str().unwrap().contains("`thrust` is not named, because"), "{}", found["words"]);

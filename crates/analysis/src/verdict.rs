@@ -90,8 +90,15 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     } else {
         format!("leaves less than {} % in {} of 100 cases", percent(chance), percent(share))
     };
+    // a law that does better would have taken the effect's place
+    let law = d.against.as_ref().map_or(String::new(), |a| {
+        format!(
+            "; the best law of another form leaves {:.2} times the error of `{}` in flight and contact",
+            a.error_ratio, a.effect
+        )
+    });
     Some(format!(
-        "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{then}; by chance the best of all candidates {by_chance}",
+        "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{then}; by chance the best of all candidates {by_chance}{law}",
         percent(best.held_out_ratio),
         percent(best.ci95[0]),
         percent(best.ci95[1]),
@@ -187,6 +194,15 @@ mod tests {
         // without that of the stages nothing is said: the errors of the answer are those in flight
         let words = how_sure(&two_of_plates([None, None])).unwrap();
         assert!(!words.contains("together") && !words.contains("108"), "{words}");
+    }
+
+    #[test]
+    fn the_best_law_of_another_form_is_part_of_the_evidence() {
+        let against = aloft_discover::AgainstLaw { effect: "a".to_owned(), error_ratio: 1.034, p_value: 1.0 };
+        let with = Discovery { against: Some(against), ..two_of_plates([None, None]) };
+        let words = how_sure(&with).unwrap();
+        assert!(words.ends_with("of another form leaves 1.03 times the error of `a` in flight and contact"), "{words}");
+        assert!(!how_sure(&two_of_plates([None, None])).unwrap().contains("another form"));
     }
 
     #[test]

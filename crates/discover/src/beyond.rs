@@ -55,8 +55,8 @@ pub(crate) fn look_beyond(
     let far_away = kept.iter().any(|v| is_far_away(session, v));
     let remains = left[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
     let several_above = several && session.model_error[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
-    // an effect that stands in for a law of another form can reach a wide interval of the floor; where
-    // contact can tell the two apart, any error above the floor is a reason to ask
+    // an effect that stands in for a law of another form can reach a wide interval of the floor;
+    // where contact can tell the two apart, any error above the floor is a reason to ask
     let above_in_contact = acting && left[1].as_ref().is_some_and(HeldOutResult::is_above);
     let compared_there = acting && session.prior.is_some() && left[1].is_some();
     let above = |s: &HeldOutResult| s.may_hide_more() || compared_there && s.times_floor() > 1.0;

@@ -326,8 +326,8 @@ pub struct Discovery {
     /// says; null where nothing shows that.
     #[serde(default)]
     pub misfit: Option<Misfit>,
-    /// The effects that are named beside the best law beyond the catalogue; null where no such law was
-    /// found in flight and contact together.
+    /// The effects that are named beside the best law beyond the catalogue; null where no such law
+    /// was found in flight and contact together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub against: Option<AgainstLaw>,
     /// Search beyond the catalogue; null if the error is at its floor, or the catalogue explains

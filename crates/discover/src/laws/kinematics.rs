@@ -111,8 +111,8 @@ impl Direction {
         Self::SpinCrossVelocity,
     ];
 
-    /// The magnitude of the vector that this direction follows: the variable of a law that looks the
-    /// same from every side.
+    /// The magnitude of the vector that this direction follows: the variable of a law that looks
+    /// the same from every side.
     pub fn magnitude(self) -> Option<Variable> {
         match self {
             Self::AgainstVelocity | Self::AcrossVelocity | Self::AcrossVelocityInLink => Some(Variable::Speed),

@@ -38,7 +38,8 @@ const PRODUCT: f64 = 0.7;
 const FURTHER: f64 = 0.6;
 /// Probability by chance below which a law is better than an effect whose form is in doubt.
 const TRUER: f64 = 0.01;
-/// Share of a named effect's error in flight and contact that a law leaves at most to take its place.
+/// Share of a named effect's error in flight and contact that a law leaves at most to take its
+/// place.
 const LESS_ON_BOTH: f64 = 0.93;
 /// Most flights that the atlas is made of.
 const MOST_IN_ATLAS: usize = 120;
