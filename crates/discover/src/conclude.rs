@@ -84,7 +84,7 @@ pub(crate) fn widen_named<'a>(
             let Some(variant) = variant else { continue };
             let domain = if variant.effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
             let of = |v: &[Variant<'_>]| extra_columns(session, domain, accepted, v, &[]);
-            let whole = [&others[..], &[variant.clone()]].concat();
+            let whole = [&others[..], std::slice::from_ref(&variant)].concat();
             let estimates = (&mut c.coefficients[..], &mut c.nonlinear[..]);
             widen(session, domain, &of(&others), &of(&whole), &variant, estimates, &|_| None, options);
         }
