@@ -13,11 +13,17 @@
 //! a few small products. Residuals with random signs of the clusters are further right-hand sides
 //! of the same products: the null distribution of the whole search costs little more than the
 //! search.
+//!
+//! A cluster of many rows (a recording of contact has some thousand) never needs its `T_g`. With
+//! `G = Q_gᵀ Q_g` and `K = (I − G)⁻¹`, Woodbury's identity gives `T_g = I + Q_g K Q_gᵀ` and
+//! `T_g² = I + Q_g (K + K²) Q_gᵀ`, so that all products are made of `Q_gᵀ C`, whose size is that of
+//! the model.
 
 use crate::problem::Problem;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::sync::Arc;
 
 /// Draws of random signs for the null distribution of the atlas.
 pub(crate) const DRAWS: usize = 60;
@@ -29,14 +35,110 @@ const SMOOTH: f64 = 1e-3;
 /// error.
 const SPANNED: f64 = 1e-9;
 
+/// The model's columns in a cluster.
+struct Basis {
+    /// `Qᵀ`, model × rows.
+    q_t: DMatrix<f64>,
+    leverage: Leverage,
+}
+
+/// How `T` of a cluster is applied.
+enum Leverage {
+    /// As it is, rows × rows.
+    Rows(DMatrix<f64>),
+    /// By Woodbury's identity, from `G` and `K`, model × model.
+    Model { g: DMatrix<f64>, k: DMatrix<f64> },
+}
+
+impl Basis {
+    /// The columns `q` (rows × model) of a cluster; `None` if they leave nothing of a row.
+    fn new(q: &DMatrix<f64>) -> Option<Self> {
+        let q_t = q.transpose();
+        let inverse = |product: DMatrix<f64>| {
+            let n = product.nrows();
+            Cholesky::new(DMatrix::identity(n, n) - product).map(|c| c.inverse())
+        };
+        let leverage = if q.nrows() <= q.ncols() {
+            Leverage::Rows(inverse(q * &q_t)?)
+        } else {
+            let g = &q_t * q;
+            let k = inverse(g.clone())?;
+            Leverage::Model { g, k }
+        };
+        Some(Self { q_t, leverage })
+    }
+
+    /// `T x`.
+    fn apply(&self, x: &DMatrix<f64>) -> DMatrix<f64> {
+        match &self.leverage {
+            Leverage::Rows(t) => t * x,
+            Leverage::Model { k, .. } => x + self.q_t.transpose() * (k * (&self.q_t * x)),
+        }
+    }
+}
+
+/// A cluster of rows.
 struct Part {
-    q: DMatrix<f64>,
-    t: DMatrix<f64>,
+    basis: Arc<Basis>,
     /// Residuals, one column for each right-hand side; the first is the measured one.
     r: DMatrix<f64>,
     /// `T r` and `T T r`.
     tr: DMatrix<f64>,
     ttr: DMatrix<f64>,
+    /// `Qᵀ T r` and `Qᵀ T T r`; empty where `T` is applied as it is.
+    q_tr: DMatrix<f64>,
+    q_ttr: DMatrix<f64>,
+    /// `|T r|²`.
+    plain: Vec<f64>,
+}
+
+impl Part {
+    /// Residuals `r` of a cluster.
+    fn new(basis: Arc<Basis>, r: DMatrix<f64>) -> Self {
+        let tr = basis.apply(&r);
+        let ttr = basis.apply(&tr);
+        let plain = tr.column_iter().map(|c| c.norm_squared()).collect();
+        let projected = |x: &DMatrix<f64>| match basis.leverage {
+            Leverage::Rows(_) => DMatrix::zeros(0, x.ncols()),
+            Leverage::Model { .. } => &basis.q_t * x,
+        };
+        let (q_tr, q_ttr) = (projected(&tr), projected(&ttr));
+        Self { basis, r, tr, ttr, q_tr, q_ttr, plain }
+    }
+
+    /// The products of a fold with columns `x` (rows × candidates), of which `q_x = Qᵀ x` in this
+    /// cluster and `q_c` in all of them.
+    fn fold(&self, x: &DMatrix<f64>, q_x: &DMatrix<f64>, q_c: &DMatrix<f64>) -> FoldOf {
+        let plain = self.plain.clone();
+        match &self.basis.leverage {
+            Leverage::Rows(t) => {
+                let mut e = x.clone();
+                e.gemm_tr(-1.0, &self.basis.q_t, q_c, 1.0);
+                let (te, e_t) = (t * &e, e.transpose());
+                let gram = te.transpose() * &te;
+                FoldOf { taken: &e_t * te, right: &e_t * &self.tr, gram, cross: e_t * &self.ttr, plain }
+            }
+            Leverage::Model { g, k } => {
+                let (x_t, q_c_t) = (x.transpose(), q_c.transpose());
+                let g_c = g * q_c;
+                let between = &q_c_t * q_x;
+                // eᵀe and Qᵀe of e = x − Q q_c
+                let own = &x_t * x - &between - between.transpose() + &q_c_t * &g_c;
+                let z = q_x - g_c;
+                let (kz, z_t) = (k * &z, z.transpose());
+                let taken = own + z_t * &kz;
+                let gram = &taken + kz.transpose() * &kz;
+                let e_times = |y: &DMatrix<f64>, q_y: &DMatrix<f64>| &x_t * y - &q_c_t * q_y;
+                FoldOf {
+                    right: e_times(&self.tr, &self.q_tr),
+                    cross: e_times(&self.ttr, &self.q_ttr),
+                    taken,
+                    gram,
+                    plain,
+                }
+            }
+        }
+    }
 }
 
 /// Rows prepared for candidates.
@@ -101,25 +203,26 @@ impl Evidence {
             })
             .collect();
         for (q, r) in bases.iter().zip(&flipped) {
-            common.gemm_tr(1.0, q, r, 1.0);
+            common += q.transpose() * r;
         }
         // the measured residual is that of the fit already (with the prior, QᵀR is not zero)
         common.column_mut(0).fill(0.0);
         let mut parts = Vec::with_capacity(n);
         let mut plain = vec![0.0; 1 + draws];
         for (q, r) in bases.into_iter().zip(flipped) {
-            let r = r - &q * &common;
-            let mut kept = DMatrix::identity(q.nrows(), q.nrows());
-            kept.gemm(-1.0, &q, &q.transpose(), 1.0);
-            let t = Cholesky::new(kept)?.inverse();
-            let tr = &t * &r;
-            let ttr = &t * &tr;
-            for (k, sum) in plain.iter_mut().enumerate() {
-                *sum += tr.column(k).norm_squared();
+            let part = Part::new(Arc::new(Basis::new(&q)?), r - &q * &common);
+            for (sum, of) in plain.iter_mut().zip(&part.plain) {
+                *sum += of;
             }
-            parts.push(Part { q, t, r, tr, ttr });
+            parts.push(part);
         }
         Some(Self { parts, plain })
+    }
+
+    /// The same without random signs: enough to compare candidates with each other.
+    pub fn without_draws(&self) -> Self {
+        let of = |p: &Part| Part::new(Arc::clone(&p.basis), p.r.columns(0, 1).into_owned());
+        Self { parts: self.parts.iter().map(of).collect(), plain: self.plain[..1].to_vec() }
     }
 
     /// Projects the model out of columns given by cluster. Each `smooth` consecutive columns are
@@ -127,18 +230,19 @@ impl Evidence {
     /// no rows (`smooth` 0 or 1: none).
     pub fn prepare(&self, columns: &[DMatrix<f64>], smooth: usize) -> Prepared {
         let k = columns[0].ncols();
-        let m = self.parts[0].q.ncols();
         let n_right = self.plain.len();
-        let mut qc = DMatrix::zeros(m, k);
+        let by_part: Vec<DMatrix<f64>> = self.parts.iter().zip(columns).map(|(p, x)| &p.basis.q_t * x).collect();
+        let mut qc = DMatrix::zeros(by_part[0].nrows(), k);
         let mut s = DMatrix::zeros(k, k);
         let mut c = DMatrix::zeros(k, n_right);
-        for (part, x) in self.parts.iter().zip(columns) {
-            qc.gemm_tr(1.0, &part.q, x, 1.0);
-            s.gemm_tr(1.0, x, x, 1.0);
-            c.gemm_tr(1.0, x, &part.r, 1.0);
+        for ((part, x), q_x) in self.parts.iter().zip(columns).zip(&by_part) {
+            qc += q_x;
+            let x_t = x.transpose();
+            s.gemm(1.0, &x_t, x, 1.0);
+            c.gemm(1.0, &x_t, &part.r, 1.0);
         }
         let whole = s.diagonal();
-        s.gemm_tr(-1.0, &qc, &qc, 1.0);
+        s.gemm(-1.0, &qc.transpose(), &qc, 1.0);
         if smooth > 2 {
             let weight = SMOOTH * s.trace() / k as f64;
             for first in (0..k).step_by(smooth) {
@@ -151,23 +255,8 @@ impl Evidence {
                 }
             }
         }
-        let folds = self
-            .parts
-            .iter()
-            .zip(columns)
-            .map(|(part, x)| {
-                let mut e = x.clone();
-                e.gemm(-1.0, &part.q, &qc, 1.0);
-                let te = &part.t * &e;
-                FoldOf {
-                    taken: e.tr_mul(&te),
-                    right: e.tr_mul(&part.tr),
-                    gram: te.tr_mul(&te),
-                    cross: e.tr_mul(&part.ttr),
-                    plain: (0..n_right).map(|j| part.tr.column(j).norm_squared()).collect(),
-                }
-            })
-            .collect();
+        let parts = self.parts.iter().zip(columns).zip(&by_part);
+        let folds = parts.map(|((part, x), q_x)| part.fold(x, q_x, &qc)).collect();
         Prepared { s, whole, c, folds }
     }
 

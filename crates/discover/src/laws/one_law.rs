@@ -40,6 +40,7 @@ pub(super) fn one_law(
     more: Vec<Fitted>,
     until: &Until,
 ) -> Option<OneLaw> {
+    let evidence = &evidence.without_draws();
     let mut laws = fit::laws(session, problem, evidence, groups, until);
     laws.extend(more);
     laws.sort_by(|a, b| a.error().total_cmp(&b.error()));
