@@ -43,7 +43,7 @@ from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, interval, r
 
 FORMULA_WITHIN = 1.3
 MOST_LINKS = 3
-NAMED = ["link right", "first link right", "direction, variable", "diagnosis: link", "formula", "formula, loose", "curve", "link", "known effect", "catalogue", "wrong law",
+NAMED = ["link right", "first link right", "direction, variable", "diagnosis: link", "diagnosis: direction, variable", "formula", "formula, loose", "curve", "link", "known effect", "catalogue", "wrong law",
          "unexplained", "missed", "not usable"]
 
 
@@ -135,7 +135,8 @@ def right_of(claim, truth):
     where = any(link in truth["carriers"] for link in named) and claim.get("action") in truth["actions"]
     # the diagnosis has one variable, a law a list of them
     said = claim.get("variables", claim.get("variable"))
-    said = set([said] if isinstance(said, str) else said or [])
+    said = set(said.split("*") if isinstance(said, str) else said or [])
+    said -= {"1"}
     variables = bool(said or truth["constant"]) and any(said <= set(v) for v in truth["variables"])
     return where, claim.get("direction") in truth["directions"] and variables
 
@@ -166,6 +167,8 @@ def judge(line):
             out.add("first link right")
     if (claims and right_of(claims[0], truth)[0]) or (not claims and diagnosis and right_of(diagnosis, truth)[0]):
         out.add("diagnosis: link")
+    if (claims and all(right_of(claims[0], truth))) or (not claims and diagnosis and all(right_of(diagnosis, truth))):
+        out.add("diagnosis: direction, variable")
     if claims and all(right_of(claims[0], truth)):
         out.add("direction, variable")
     if catalogue:
@@ -225,7 +228,7 @@ def score(folders):
         off = [line["set"] for line in hidden if "answer" in line and abs(line["held_out"] / line["twin"] / line["strength"] - 1) > TOLERANCE]
         if times:
             print(f"\ndiscover: median {times[len(times) // 2]:.1f} s, longest {times[-1]:.1f} s; strength off by more than {TOLERANCE:.0%}: {', '.join(off) or 'none'}")
-    print("\n`link right`, `first link right` (the one stated first), `direction, variable` and `diagnosis: link` (the stated law's link, else the diagnosed one) are counted beside the outcomes `formula` to `missed`, which exclude each other. "
+    print("\n`link right`, `first link right` (the one stated first), `direction, variable` and `diagnosis: …` (the same of the stated law, else of the diagnosis) are counted beside the outcomes `formula` to `missed`, which exclude each other. "
           "`wrong claims` is `catalogue` and `wrong law` together; of empty sets, all claims; `missed` of empty sets is right.")
 
 

@@ -12,7 +12,7 @@ use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
 use aloft_discover::{
     Body, ContactRows, DiscoverOptions, Discovery, Found, FoundLaw, HeldOutResult, SelfTest, SelfTestOptions,
-    SelfTestProgress, Session, Staged, StagedCoefficient, TrialDraws, TrialInput, Verdict, discover as rank, scene_of,
+    SelfTestProgress, Session, Staged, StagedCoefficient, Told, TrialDraws, TrialInput, Verdict, discover as rank, scene_of,
 };
 use aloft_effects::{Effect, EffectInstance, PlateSeries};
 use aloft_flight::{FlightReport, PlateTare, TareSource};
@@ -162,14 +162,14 @@ impl Evidence {
         session: &SubjectSession,
         with: impl FnOnce(&RankingInputs<'_>) -> Result<T, PipelineError>,
     ) -> Result<T, PipelineError> {
-        self.with_progress(session, &|_, _| {}, with)
+        self.with_progress(session, &|_| {}, with)
     }
 
-    /// The same; `told` receives how many effects were scored, and how many are expected to be.
+    /// The same; `tell` receives how far a discovery is, and what it knows already.
     fn with_progress<T>(
         &self,
         session: &SubjectSession,
-        told: &(dyn Fn(usize, usize) + Sync),
+        tell: &(dyn Fn(Told<'_>) + Sync),
         with: impl FnOnce(&RankingInputs<'_>) -> Result<T, PipelineError>,
     ) -> Result<T, PipelineError> {
         let body = self.body();
@@ -196,7 +196,7 @@ impl Evidence {
         // laws of joints exert nothing on the body as a whole
         let accepted = accepted.into_iter().filter(|c| !c.effect.acts().in_joints()).collect();
         let prepared =
-            prepared.with_model_error(standing(session, "flight"), standing(session, "contact")).with_progress(told);
+            prepared.with_model_error(standing(session, "flight"), standing(session, "contact")).with_progress(tell);
         let draws = drawn(session);
         let contact = match standing(session, "contact") {
             Some(e) if e.is_above() => contact_rows(session, &draws)?,
@@ -316,15 +316,15 @@ pub struct DiscoveryView {
 
 /// Ranks the catalogue and the study's own effects against the present model, and stores the answer
 /// next to the results for `effect add` and `report`.
-/// `told` receives how many effects were scored, and how many are expected to be.
+/// `tell` receives how far it is, and what it knows already.
 pub fn discover(
     session: &SubjectSession,
     options: &DiscoverOptions,
-    told: &(dyn Fn(usize, usize) + Sync),
+    tell: &(dyn Fn(Told<'_>) + Sync),
 ) -> Result<DiscoveryView, PipelineError> {
     refuse_repeated(session)?;
     let made_from = looked_at(session);
-    Evidence::load(session)?.with_progress(session, told, |bench| found(session, bench, options, made_from))
+    Evidence::load(session)?.with_progress(session, tell, |bench| found(session, bench, options, made_from))
 }
 
 /// The stored answer for the present model, if it was computed from the present results.

@@ -1,7 +1,7 @@
 //! Each command opens the study, calls the library, and renders the answer as text or JSON.
 
 use crate::args::{AnglesArg, Cli, Command, EffectAction, EngineArg, PipelineArgs, RowsArg};
-use crate::each::{broken, each, each_result, each_step, fail, heading, notice};
+use crate::each::{broken, each, each_result, each_step, fail, heading, notice, whose};
 use crate::markdown::markdown;
 use crate::open::{description_of, open, open_all, openers};
 use crate::progress::{Bars, Counted, Waiting};
@@ -19,6 +19,7 @@ use aloft_analysis::{
     inspect_values, next_flights, parameters, simulate, status, summary, verify,
 };
 use aloft_compare::Signal;
+use aloft_discover::Told;
 use aloft_pipeline::runner::{self, BatchReport, Ended, RunReport, Selection};
 use aloft_study::config::{Angles, Rows};
 use aloft_study::data_set::DataSet;
@@ -162,7 +163,10 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             let options = discover::options(only, without, closed, budget);
             let ask = |session: &SubjectSession| {
                 let bar = Counted::new(&format!("discover {}", session.id));
-                discover::discover(session, &options, &|done, all| bar.at(done, all))
+                discover::discover(session, &options, &|told| match told {
+                    Told::Steps { part, done, expected } => bar.in_part(&part.to_string(), done, expected),
+                    Told::SoFar(words) => bar.aside(|| note(format!("{}so far: {words}", whose(session)))),
+                })
             };
             let show = |session: &SubjectSession, current: bool, found: &discover::DiscoveryView| {
                 findings::discovery(found, details)?;

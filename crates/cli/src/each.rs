@@ -131,12 +131,17 @@ pub fn each_step<T: Serialize>(
     Ok(strict.judge(done, late.get()))
 }
 
+/// What a message begins with where there may be several sessions.
+pub fn whose(session: &SubjectSession) -> String {
+    if session.id.subject.is_some() { format!("{}: ", session.id) } else { String::new() }
+}
+
 /// Reports on stderr which results are not up to date.
 pub fn notice(session: &SubjectSession, fresh: &Freshness) {
     if fresh.is_current() {
         return;
     }
-    let whose = if session.id.subject.is_some() { format!("{}: ", session.id) } else { String::new() };
+    let whose = whose(session);
     for line in fresh.describe() {
         note(format!("{whose}{line}"));
     }

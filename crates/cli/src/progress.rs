@@ -9,7 +9,7 @@ use std::time::Duration;
 
 /// A bar for a number of equal steps.
 #[derive(Debug)]
-pub struct Counted(ProgressBar);
+pub struct Counted(ProgressBar, Mutex<String>);
 
 impl Counted {
     /// A bar with a name.
@@ -20,12 +20,30 @@ impl Counted {
         }
         bar.set_prefix(name.trim().to_owned());
         bar.enable_steady_tick(Duration::from_millis(250));
-        Self(bar)
+        Self(bar, Mutex::default())
     }
     /// Sets the number of steps done, of all.
     pub fn at(&self, done: usize, all: usize) {
         self.0.set_length(all as u64);
         self.0.set_position(done as u64);
+    }
+    /// Sets the number of steps done in a part of the work. The time left is not shown: how many
+    /// parts follow is not known.
+    pub fn in_part(&self, part: &str, done: usize, all: usize) {
+        if let Ok(mut last) = self.1.lock()
+            && *last != part
+        {
+            part.clone_into(&mut last);
+            if let Ok(style) = ProgressStyle::with_template("{prefix} {bar:30} {pos}/{len} {msg}  {elapsed} passed") {
+                self.0.set_style(style);
+            }
+            self.0.set_message(part.to_owned());
+        }
+        self.at(done, all);
+    }
+    /// Writes something above the bar.
+    pub fn aside(&self, write: impl FnOnce()) {
+        self.0.suspend(write);
     }
 }
 

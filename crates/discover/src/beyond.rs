@@ -14,6 +14,7 @@ use crate::progress::Until;
 use crate::refused::Refused;
 use crate::result::{AgainstLaw, Discovery, Verdict};
 use crate::session::Session;
+use crate::wording;
 use aloft_effects::{Effect, EffectInstance};
 
 /// Share of the error that named effects leave within the floor's interval, above which laws do not
@@ -71,6 +72,7 @@ pub(crate) fn look_beyond(
             .push(format!("the search beyond the catalogue was not begun: the budget of {budget} s was used up"));
         return;
     }
+    session.counter.so_far(&wording::so_far(out, left[0]));
     let first = out.rounds.first().map_or(&out.candidates, |r| &r.candidates);
     // what contact contradicts is no rival
     let single = first.iter().filter(|c| !c.placebo && !refuted).map(|c| c.held_out_ratio).fold(1.0, f64::min);

@@ -112,6 +112,7 @@ pub use laws::{
     Action, Carrier, Diagnosis, Direction, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Variable, Work,
 };
 pub use options::DiscoverOptions;
+pub use progress::{Part, Told};
 pub use result::{
     Addition, AgainstLaw, Alternative, Candidate, Confusion, Discovery, Estimate, Found, Group, Misfit, NotTried,
     RivalTest, Round, Verdict,

@@ -1,12 +1,53 @@
-//! Tells how far a discovery is: effects scored, of those expected.
+//! Tells how far a discovery is, and what it knows already.
 
 use std::fmt;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Receives the number of effects scored and of those expected.
-type Told<'a> = &'a (dyn Fn(usize, usize) + Sync);
+/// Parts of a discovery, in their order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Part {
+    /// Effects of the catalogue are scored.
+    #[default]
+    Catalogue,
+    /// Beyond the catalogue: places, directions and variables are scored in flight.
+    Atlas,
+    /// Beyond the catalogue: the same in flight and contact together.
+    WithContact,
+    /// Beyond the catalogue: laws are fitted.
+    Laws,
+}
+
+impl fmt::Display for Part {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Catalogue => "effects tried",
+            Self::Atlas => "links tried beyond the catalogue",
+            Self::WithContact => "places tried in flight and contact",
+            Self::Laws => "laws tried",
+        })
+    }
+}
+
+/// What a discovery tells while it runs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Told<'w> {
+    /// Steps done in the present part, of those expected in it.
+    Steps {
+        /// The part.
+        part: Part,
+        /// Steps done.
+        done: usize,
+        /// Steps expected.
+        expected: usize,
+    },
+    /// What is known so far, in words. The answer may still differ.
+    SoFar(&'w str),
+}
+
+/// Receives what is told.
+pub(crate) type Tell<'a> = &'a (dyn Fn(Told<'_>) + Sync);
 
 /// The time at which the search for laws stops beginning anything new; never without a budget.
 #[derive(Debug, Clone, Copy)]
@@ -24,10 +65,11 @@ impl Until {
     }
 }
 
-/// Counts the effects that were scored. Clones count together.
+/// Counts the steps that were done. Clones count together.
 #[derive(Clone, Default)]
 pub(crate) struct Counter<'a> {
-    told: Option<Told<'a>>,
+    tell: Option<Tell<'a>>,
+    part: Arc<Mutex<Part>>,
     done: Arc<AtomicUsize>,
     expected: Arc<AtomicUsize>,
 }
@@ -39,26 +81,41 @@ impl fmt::Debug for Counter<'_> {
 }
 
 impl<'a> Counter<'a> {
-    pub fn new(told: Told<'a>) -> Self {
-        Self { told: Some(told), ..Self::default() }
+    pub fn new(tell: Tell<'a>) -> Self {
+        Self { tell: Some(tell), ..Self::default() }
     }
 
-    /// Sets how many effects are expected to be scored from now on.
+    /// Sets how many steps are expected from now on in the present part.
     pub fn expect(&self, more: usize) {
         let done = self.done.load(Ordering::Relaxed);
         self.expected.store(done + more, Ordering::Relaxed);
-        self.tell(done);
+        self.steps(done);
     }
 
-    /// One effect was scored.
+    /// Begins a part of so many steps.
+    pub fn begin(&self, part: Part, steps: usize) {
+        *self.part.lock().unwrap_or_else(PoisonError::into_inner) = part;
+        self.done.store(0, Ordering::Relaxed);
+        self.expect(steps);
+    }
+
+    /// One step was done.
     pub fn one(&self) {
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
-        self.tell(done);
+        self.steps(done);
     }
 
-    fn tell(&self, done: usize) {
-        if let Some(told) = self.told {
-            told(done, self.expected.load(Ordering::Relaxed).max(done));
+    /// Tells what is known so far.
+    pub fn so_far(&self, words: &str) {
+        if let Some(tell) = self.tell {
+            tell(Told::SoFar(words));
+        }
+    }
+
+    fn steps(&self, done: usize) {
+        if let Some(tell) = self.tell {
+            let part = *self.part.lock().unwrap_or_else(PoisonError::into_inner);
+            tell(Told::Steps { part, done, expected: self.expected.load(Ordering::Relaxed).max(done) });
         }
     }
 }

@@ -10,7 +10,7 @@ use crate::by_stages::{ByStages, Compute};
 use crate::draws::Drawn;
 use crate::held_out::HeldOutResult;
 use crate::problem::{Domain, Problem};
-use crate::progress::Counter;
+use crate::progress::{Counter, Tell};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_effects::{Columns, Effect, PlateSeries, Scene, Series, Span, Target, TrialMotion};
 use aloft_identify::Prior;
@@ -285,10 +285,10 @@ impl<'a> Session<'a> {
         self
     }
 
-    /// Tells `told` how many effects a discovery has scored, and how many it expects to score.
+    /// Tells `tell` how far a discovery is, and what it knows already.
     #[must_use]
-    pub fn with_progress(mut self, told: &'a (dyn Fn(usize, usize) + Sync)) -> Self {
-        self.counter = Counter::new(told);
+    pub fn with_progress(mut self, tell: Tell<'a>) -> Self {
+        self.counter = Counter::new(tell);
         self
     }
 

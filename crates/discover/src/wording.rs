@@ -3,7 +3,7 @@
 use crate::held_out::HeldOutResult;
 use crate::laws::{OpenWorld, WHOLE_BODY};
 use crate::problem::Domain;
-use crate::result::{AgainstLaw, Candidate, Discovery, Estimate, FEWEST_CLUSTERS, MANY_CLUSTERS, Round, Verdict};
+use crate::result::{AgainstLaw, Candidate, Discovery, Estimate, FEWEST_CLUSTERS, Group, MANY_CLUSTERS, Round, Verdict};
 use aloft_effects::{About, Effect, EffectKind};
 use aloft_identify::half_of;
 
@@ -112,6 +112,29 @@ pub(crate) fn or_pair(effects: &[String], pair: &[String; 2], joins: bool, left:
         "{single}, or `{a}` and `{b}` together, is missing, which these recordings cannot tell apart; with {with} held-out error falls to {:.0} %",
         100.0 * left
     )
+}
+
+/// What the catalogue says before the search beyond it, with what is left in flight.
+pub(crate) fn so_far(d: &Discovery, left: Option<HeldOutResult>) -> String {
+    let group = |g: &Group| match &g.effects[..] {
+        [one] => format!("`{one}`"),
+        several => format!("one of {}", list(several)),
+    };
+    let named = matches!(d.verdict, Verdict::Supported | Verdict::OneOf) && !d.groups.is_empty();
+    let says = if named {
+        let groups: Vec<String> = d.groups.iter().map(group).collect();
+        format!("missing from the catalogue's effects: {}", groups.join(", and "))
+    } else {
+        "no effect of the catalogue explains the error".to_owned()
+    };
+    let left = left.map_or(String::new(), |left| {
+        format!(
+            "; {} N remain in flight, {} times the noise floor",
+            digits(left.held_out_error, 3),
+            digits(left.times_floor(), 2)
+        )
+    });
+    format!("{says}{left}. Now searching beyond the catalogue, which may change the answer")
 }
 
 /// Reason why the best candidate is not accepted.

@@ -1,6 +1,7 @@
 //! What the server tells every open page by itself: the progress of its work, and results.
 
 use crate::state::Studio;
+use aloft_discover::Told;
 use aloft_pipeline::progress::{Forecast, Plan, Progress};
 use aloft_pipeline::runner::{Ended, TaskReport};
 use aloft_study::recordings::SessionId;
@@ -14,13 +15,13 @@ use tokio::sync::broadcast;
 use tokio::sync::broadcast::error::RecvError;
 
 /// Name and JSON of one event.
-pub(crate) type Told = (&'static str, String);
+pub(crate) type Message = (&'static str, String);
 
 /// Number of events that a slow page may be behind before it misses some.
 pub(crate) const BEHIND: usize = 256;
 
 /// The events from now on as a stream of server-sent events.
-pub(crate) fn stream(from: broadcast::Receiver<Told>) -> impl Stream<Item = Result<sse::Event, Infallible>> {
+pub(crate) fn stream(from: broadcast::Receiver<Message>) -> impl Stream<Item = Result<sse::Event, Infallible>> {
     unfold(from, |mut from| async move {
         loop {
             match from.recv().await {
@@ -52,6 +53,14 @@ impl<'a> ProgressSender<'a> {
     /// Tells a count.
     pub fn count(&self, words: &str, done: usize, of: usize) {
         self.tell(words, done, of, None);
+    }
+
+    /// Tells how far a discovery is, or what it knows already.
+    pub fn discovery(&self, told: Told<'_>) {
+        match told {
+            Told::Steps { part, done, expected } => self.count(&part.to_string(), done, expected),
+            Told::SoFar(words) => self.studio.tell("so_far", json!({"job": self.job, "words": words})),
+        }
     }
 
     fn tell(&self, words: &str, done: usize, of: usize, seconds_left: Option<f64>) {

@@ -136,7 +136,7 @@ fn work(studio: &Studio, job: Request) -> Result<(), PipelineError> {
         Request::Run => run(&session, &Selection::default(), &told).map(|_| ()),
         Request::Discover => {
             let options = discover::options(Vec::new(), Vec::new(), false, None);
-            discover::discover(&session, &options, &|done, of| told.count("effects tried", done, of)).map(|_| ())
+            discover::discover(&session, &options, &|t| told.discovery(t)).map(|_| ())
         }
         Request::Exact { ticket, effects, changes } => {
             let switches = studio.switches()?;

@@ -1,6 +1,6 @@
 //! What the server knows.
 
-use crate::events::{BEHIND, Told};
+use crate::events::{BEHIND, Message};
 use crate::jobs::Queue;
 use aloft_analysis::switches::Switches;
 use aloft_study::data_set::DataSet;
@@ -35,7 +35,7 @@ pub(crate) struct Studio {
     pub open_set: Option<SetOpener>,
     pub token: String,
     pub port: u16,
-    pub events: broadcast::Sender<Told>,
+    pub events: broadcast::Sender<Message>,
     pub queue: Queue,
     /// Threads for quick numbers: those of the queue's work may be busy for seconds.
     pub quick: rayon::ThreadPool,

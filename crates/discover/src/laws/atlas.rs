@@ -6,6 +6,7 @@ use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
 use super::shape::Range;
 use crate::candidate::Variant;
 use crate::problem::Problem;
+use crate::progress::Part;
 use crate::session::Session;
 use aloft_body::JointKind;
 use aloft_effects::{EffectFrame, ParameterKind, Scene, Target};
@@ -196,6 +197,14 @@ pub(crate) fn points(scene: &Scene, carrier: Carrier) -> Vec<Vector3<f64>> {
     out
 }
 
+impl Group {
+    /// True if the strength depends on one variable, or on one of the pairs that flows and spins
+    /// follow.
+    pub fn is_one_dependence(&self) -> bool {
+        self.second.is_none_or(|(second, _)| Variable::pairs_of(self.action).contains(&(self.variable, second)))
+    }
+}
+
 /// All carriers of a body.
 pub(crate) fn carriers(scene: &Scene) -> Vec<Carrier> {
     let links = (0..scene.model.n_links()).map(Carrier::Link);
@@ -219,7 +228,7 @@ pub(crate) fn atlas(session: &Session<'_>, problem: &Problem, evidence: &Evidenc
         })
         .collect();
     let draws = evidence.plain.len() - 1;
-    session.counter.expect(jobs.len());
+    session.counter.begin(Part::Atlas, jobs.len());
     let one = |job: &Placement| {
         let made = place(session, problem, evidence, job);
         session.counter.one();
@@ -329,6 +338,23 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
                             .collect();
                         add(&unit, &base, direction.choices(), &weight, 2);
                     }
+                }
+            }
+            if direction == Direction::Link && job.first_point {
+                for (first, second) in Variable::pairs_of(action) {
+                    let of = |v: Variable| products.iter().find(|p| p.0 == v);
+                    let (Some((x, of_x, xs)), Some((y, of_y, ys))) = (of(first), of(second)) else { continue };
+                    let base = Group {
+                        variable: *x,
+                        range: *of_x,
+                        second: Some((*y, *of_y)),
+                        ..blank(action, direction)
+                    };
+                    let nb = if y.is_signed() { 2 } else { 1 };
+                    let both = |(x, y): (&f64, &f64)| [x * y, x * y.abs()].into_iter().take(nb);
+                    let weight: Vec<Vec<f64>> =
+                        xs.iter().zip(ys).map(|(x, y)| x.iter().zip(y).flat_map(both).collect()).collect();
+                    add(&unit, &base, direction.choices(), &weight, nb);
                 }
             }
             let periodic = matches!(direction, Direction::World | Direction::Link | Direction::AgainstVelocity);

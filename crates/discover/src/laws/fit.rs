@@ -9,7 +9,7 @@ use super::shape::{KNOTS, Shape};
 use crate::candidate::{Variant, score};
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
-use crate::progress::Until;
+use crate::progress::{Part, Until};
 use crate::session::Session;
 use aloft_effects::{Effect, EffectFrame, Target};
 use nalgebra::{DMatrix, DVector, Vector3};
@@ -148,12 +148,15 @@ fn law_of(group: &Group, shape: Shape, values: &[f64], free_point: bool) -> (Law
 /// Laws for one entry: each shape from its best start.
 fn starts(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: &Group) -> Vec<Start> {
     if let Some((variable, range)) = group.second {
-        let of = |shape: Shape| {
-            let (mut law, nonlinear) = law_of(group, Shape::Linear, &[], true);
+        let of = |(shape, values): (Shape, &[f64])| {
+            let (mut law, mut nonlinear) = law_of(group, Shape::Linear, &[], true);
             law.factors.push(Factor { variable, shape, range, fixed: None });
+            nonlinear.extend(values);
             Start { law, nonlinear, ratio: group.score.ratio }
         };
-        return [Shape::Linear, Shape::Affine].map(of).into();
+        let further: (Shape, &[f64]) =
+            if variable.is_rate() { (Shape::EvenPower, &[1.0]) } else { (Shape::Affine, &[]) };
+        return [(Shape::Linear, &[][..]), further].map(of).into();
     }
     let frames = PlaceFrames::new(session, group.carrier, &group.point);
     let distance = group.variable == Variable::Distance;
@@ -311,7 +314,7 @@ pub(crate) fn laws(
             unique.push(s);
         }
     }
-    session.counter.expect(unique.len());
+    session.counter.begin(Part::Laws, unique.len());
     let one = |s: Start| {
         let fitted = if until.is_over() { None } else { fit(session, problem, &s.law, s.nonlinear, STEPS) };
         session.counter.one();

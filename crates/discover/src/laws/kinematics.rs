@@ -210,6 +210,19 @@ impl Variable {
         out
     }
 
+    /// Pairs whose product a force or couple fixed in the link may follow. Flow past a surface of
+    /// the link presses along an axis with the velocity along it times the speed of the flow, or
+    /// times another component (lift: c uₖ |uⱼ|); bodies that spin inside a link resist with
+    /// products of its spins.
+    pub fn pairs_of(action: Action) -> Vec<(Self, Self)> {
+        let (along, size): (fn(usize) -> Self, Self) = match action {
+            Action::Force => (Self::VelocityInLink, Self::Speed),
+            Action::Couple => (Self::SpinInLink, Self::Spin),
+        };
+        let others = |k: usize| [along((k + 1) % 3), along((k + 2) % 3), size];
+        (0..3).flat_map(|k| others(k).map(|other| (along(k), other))).collect()
+    }
+
     /// Value in a frame.
     pub fn value(self, frame: &EffectFrame<'_>, at: &Instant, anchor: &Vector3<f64>) -> f64 {
         let links = &frame.scene.model.links;

@@ -20,7 +20,7 @@ const CURVE: f64 = 1.15;
 /// A second factor has to leave less than this share of the error.
 const SECOND: f64 = 0.85;
 /// Laws on another link that leave no more than this multiple of the error are not excluded.
-const ALSO: f64 = 1.05;
+pub(super) const ALSO: f64 = 1.05;
 
 /// A law, the next best one that differs from it, and other carriers that the rows do not exclude.
 pub(super) struct OneLaw {

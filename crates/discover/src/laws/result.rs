@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize};
 pub struct Diagnosis {
     /// Link, or `body` for the whole body.
     pub carrier: String,
+    /// Other links on which an entry leaves nearly as little: they are not excluded.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub also: Vec<String>,
     /// Force or couple.
     pub action: Action,
     /// Direction that it keeps.

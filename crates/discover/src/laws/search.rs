@@ -10,7 +10,7 @@ use super::kinematics::{Action, Carrier, Variable};
 use super::law::{Law, PointIs};
 use super::near_joint::other_links;
 use super::next::next_recording;
-use super::one_law::{OneLaw, SIMPLER, one_law};
+use super::one_law::{ALSO, OneLaw, SIMPLER, one_law};
 use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
 use super::with_contact::{Flights, IN_FLIGHT, OfBoth, in_use, with_contact};
 use super::wording;
@@ -149,9 +149,13 @@ pub(crate) fn search(
         let groups = fit::distinct(&made.groups, TRIED);
         // errors that repeat in every trial of a person look like further laws
         let believed = if round > 0 && person { believed.min(FURTHER) } else { believed };
-        let enough = best.score.ratio.sqrt() < believed && p < 0.05;
+        // a free point or a second factor can remove more than a curve at the centre of mass
+        let may_do = if round == 0 { believed.sqrt() } else { believed };
+        let enough = best.score.ratio.sqrt() < may_do && p < 0.05;
         if round == 0 && p < 0.05 && best.score.ratio.sqrt() < 0.97 {
-            diagnosis = Some(diagnose(in_some, of_some, &made, p));
+            let made = diagnose(in_some, of_some, &made, p);
+            session.counter.so_far(&format!("the error in flight looks like {}", made.text));
+            diagnosis = Some(made);
         }
         let mut law =
             if enough { one_law_of_many(session, &problem, &evidence, &groups, until, options) } else { None };
@@ -185,6 +189,7 @@ pub(crate) fn search(
                 if round == 0 {
                     next = rival.and_then(|r| next_recording(session, &found, &r));
                 }
+                session.counter.so_far(&wording::law_so_far(session, &found, ratio));
                 laws.push(Step { fitted: found, ratio, p, also, of_both });
             }
         }
@@ -367,10 +372,10 @@ fn refit(
 fn diagnose(session: &Session<'_>, problem: &Problem, atlas: &Atlas, p: f64) -> Diagnosis {
     let scene = session.scene;
     // one variable is preferred to a product of two, unless the product leaves much less
-    let single = atlas.groups.iter().find(|g| g.second.is_none());
+    let single = atlas.groups.iter().find(|g| g.is_one_dependence());
     let first = &atlas.groups[0];
     let best = single.filter(|s| first.score.ratio > PRODUCT * s.score.ratio).unwrap_or(first);
-    let as_good = |g: &&Group| g.second.is_some() == best.second.is_some() && g.score.ratio <= 1.04 * best.score.ratio;
+    let as_good = |g: &&Group| g.is_one_dependence() == best.is_one_dependence() && g.score.ratio <= 1.04 * best.score.ratio;
     let g = atlas
         .groups
         .iter()
@@ -387,8 +392,16 @@ fn diagnose(session: &Session<'_>, problem: &Problem, atlas: &Atlas, p: f64) -> 
     let plain: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
     let dependence_p = (g.variable != Variable::None)
         .then(|| sign_flip_p(&g.score.errors, constant.map_or(&plain, |c| &c.score.errors), 2000, 0x7157));
+    let near = |o: &&Group| o.action == g.action && o.score.ratio <= ALSO * ALSO * best.score.ratio;
+    let mut also: Vec<String> = Vec::new();
+    for other in atlas.groups.iter().filter(near).map(|o| o.carrier.name(scene)) {
+        if other != g.carrier.name(scene) && !also.contains(&other) {
+            also.push(other);
+        }
+    }
     let mut out = Diagnosis {
         carrier: g.carrier.name(scene),
+        also,
         action: g.action,
         direction: g.direction,
         variable: variable_of(g, scene),

@@ -14,7 +14,7 @@ use crate::candidate::{Scored, Variant};
 use crate::nonlinear::fitted;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
-use crate::progress::Until;
+use crate::progress::{Part, Until};
 use crate::rank::judged_in;
 use crate::result::AgainstLaw;
 use crate::session::Session;
@@ -94,10 +94,14 @@ pub(super) fn with_contact(
     let some = with_at_most(session, &all, MOST_STRETCHES, FEWEST);
     let (session, both) = some.as_ref().map_or((session, &all), |(s, p, _)| (s, p));
     let evidence = Evidence::new(both, DRAWS, options.seed)?;
-    let mut made: Vec<Group> = places(&flights.groups.iter().collect::<Vec<_>>(), PLACES)
-        .into_par_iter()
-        .flat_map_iter(|place| with_every_variable(session, both, &evidence, place))
-        .collect();
+    let tried = places(&flights.groups.iter().collect::<Vec<_>>(), PLACES);
+    session.counter.begin(Part::WithContact, tried.len());
+    let in_place = |place: &Group| {
+        let made = with_every_variable(session, both, &evidence, place);
+        session.counter.one();
+        made
+    };
+    let mut made: Vec<Group> = tried.into_par_iter().flat_map_iter(in_place).collect();
     made.sort_by(|a, b| a.score.ratio.total_cmp(&b.score.ratio));
     let mut forces: Vec<Group> = Vec::new();
     for g in made.iter().filter(|g| g.action == Action::Force) {

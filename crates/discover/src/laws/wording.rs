@@ -3,9 +3,11 @@
 use super::kinematics::{Action, Direction, Variable};
 use super::law::{Law, PointIs};
 use super::result::{Diagnosis, LawKind, OpenWorld, Work};
-use super::search::ANSWERED;
+use super::fit::Fitted;
+use super::search::{ANSWERED, work};
 use crate::held_out::HeldOutResult;
 use crate::result::{Discovery, Estimate};
+use crate::session::Session;
 use aloft_effects::Scene;
 use aloft_identify::half_of;
 use aloft_regressor::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR};
@@ -71,11 +73,12 @@ pub(crate) fn diagnosis(scene: &Scene, d: &Diagnosis, variables: &[Variable]) ->
         }
     };
     format!(
-        "{} on {}, {}, {on}; it removes {:.0} % of the error",
+        "{} on {}, {}, {on}; it removes {:.0} % of the error{}",
         action(d.action),
         carrier(&d.carrier),
         direction(d.direction, d.action),
-        100.0 * d.removes
+        100.0 * d.removes,
+        also(&d.also)
     )
 }
 
@@ -115,6 +118,13 @@ pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f
         text.push_str("; it only drives");
     }
     text
+}
+
+/// A law of a round while the search goes on; `ratio` is the share that it leaves of the error
+/// before the round.
+pub(super) fn law_so_far(session: &Session<'_>, f: &Fitted, ratio: f64) -> String {
+    let text = law(session.scene, &f.law, &f.nonlinear, &f.theta, work(session, f));
+    format!("a law beyond the catalogue leaves {:.0} % of the error in flight before it: {text}", 100.0 * ratio)
 }
 
 /// "the strength of `rotational_drag` also changes with the rate of rotation of `link0`, …".

@@ -108,8 +108,11 @@ const Live = (() => {
     at("settings").onsubmit = (e) => e.preventDefault();
   };
 
+  // what a discovery knows before it ends; a new piece of work begins with none
+  const soFar = (words) => at("so-far").append(make("li", {}, "So far: " + words));
   const work = (words, done, of, left) => {
     at("work").hidden = words === null;
+    if (words === null) at("so-far").replaceChildren();
     if (words === null) return;
     at("work-words").textContent = words + (left ? `, about ${left < 1.5 ? "1 s" : Math.round(left) + " s"} left` : "");
     at("progress").max = Math.max(1, of);
@@ -139,6 +142,7 @@ const Live = (() => {
     let lost = false;
     const on = (name, hear) => from.addEventListener(name, (e) => hear(JSON.parse(e.data)));
     on("progress", (p) => work(`${JOBS[p.job] ?? p.job}: ${p.words}, ${p.done} of ${p.of}`, p.done, p.of, p.seconds_left));
+    on("so_far", (p) => soFar(p.words));
     on("ready", () => { work(null); if (S.state?.preparing || !S.state?.switches.length) load().catch(problem); });
     on("exact", (e) => {
       if (e.ticket !== S.ticket) return;
