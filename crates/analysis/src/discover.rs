@@ -12,7 +12,8 @@ use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
 use aloft_discover::{
     Body, ContactRows, DiscoverOptions, Discovery, Found, FoundLaw, HeldOutResult, SelfTest, SelfTestOptions,
-    SelfTestProgress, Session, Staged, StagedCoefficient, Told, TrialDraws, TrialInput, Verdict, discover as rank, scene_of,
+    SelfTestProgress, Session, Staged, StagedCoefficient, Told, TrialDraws, TrialInput, Verdict, discover as rank,
+    scene_of,
 };
 use aloft_effects::{Effect, EffectInstance, PlateSeries};
 use aloft_flight::{FlightReport, PlateTare, TareSource};

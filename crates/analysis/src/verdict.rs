@@ -93,7 +93,7 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     // a law that does better would have taken the effect's place
     let law = d.against.as_ref().map_or(String::new(), |a| {
         format!(
-            "; the best law of another form leaves {:.2} times the error of `{}` in flight and contact",
+            "; the best law beyond the catalogue leaves {:.2} times the error of `{}` in flight and contact",
             a.error_ratio, a.effect
         )
     });
@@ -201,7 +201,10 @@ mod tests {
         let against = aloft_discover::AgainstLaw { effect: "a".to_owned(), error_ratio: 1.034, p_value: 1.0 };
         let with = Discovery { against: Some(against), ..two_of_plates([None, None]) };
         let words = how_sure(&with).unwrap();
-        assert!(words.ends_with("of another form leaves 1.03 times the error of `a` in flight and contact"), "{words}");
+        assert!(
+            words.ends_with("beyond the catalogue leaves 1.03 times the error of `a` in flight and contact"),
+            "{words}"
+        );
         assert!(!how_sure(&two_of_plates([None, None])).unwrap().contains("another form"));
     }
 

@@ -3,7 +3,6 @@
 
 use crate::by_stages::Staged;
 use crate::candidate::Variant;
-use crate::conclude::variant_of;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
 use crate::laws::{Direction, FoundLaw, Line, OpenWorld};
@@ -163,7 +162,7 @@ fn members<'a>(
     let id = found.effect.id();
     let rounds = out.rounds.iter().filter(|r| !r.superseded && r.joined.iter().any(|j| j == id));
     let named = rounds.flat_map(|r| r.candidates.iter().filter(|c| r.effects.contains(&c.effect) && c.effect != id));
-    let others = named.filter_map(|c| variant_of(session, effects, c));
+    let others = named.filter_map(|c| Variant::of_candidate(session, effects, c));
     std::iter::once(found.clone()).chain(others).collect()
 }
 

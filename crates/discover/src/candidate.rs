@@ -1,6 +1,7 @@
 //! Columns of one effect on one target, and its coefficients within their bounds.
 
 use crate::problem::{Problem, Reduced};
+use crate::result::Candidate;
 use crate::session::Session;
 use aloft_effects::{Coefficient, Effect, Target};
 use nalgebra::{DMatrix, DVector};
@@ -22,6 +23,18 @@ impl<'a> Variant<'a> {
     pub fn new(session: &Session<'_>, effect: &'a dyn Effect, target: Target, nonlinear: Vec<f64>) -> Self {
         let coefficients = effect.coefficients(session.scene, target);
         Self { effect, target, nonlinear, coefficients, fitted: 0, group: Vec::new() }
+    }
+    /// The effect of a candidate of a round, with the values of its fit.
+    pub fn of_candidate(session: &Session<'_>, effects: &[&'a dyn Effect], c: &Candidate) -> Option<Self> {
+        let effect = effects.iter().find(|e| e.id() == c.effect)?;
+        let values = c.nonlinear.iter().map(|e| e.value).collect();
+        let mut variant = Self::new(session, *effect, c.target, values);
+        if !c.trials.is_empty() {
+            variant.group = session.trials.iter().map(|name| c.trials.contains(name)).collect();
+        }
+        // a candidate's unknowns in the room and on the link were fitted
+        variant.fitted = variant.nonlinear.len();
+        Some(variant)
     }
     /// Columns by block at these or other values of the nonlinear parameters; `None` if they cannot
     /// be computed or are not finite.

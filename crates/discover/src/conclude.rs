@@ -80,7 +80,7 @@ pub(crate) fn widen_named<'a>(
         let mut others = kept.to_vec();
         others.remove(i);
         for c in round.candidates.iter_mut().filter(|c| round.effects.contains(&c.effect)) {
-            let variant = variant_of(session, effects, c).filter(|v| v.effect.id() != kept[i].effect.id());
+            let variant = Variant::of_candidate(session, effects, c).filter(|v| v.effect.id() != kept[i].effect.id());
             let Some(variant) = variant else { continue };
             let domain = if variant.effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
             let of = |v: &[Variant<'_>]| extra_columns(session, domain, accepted, v, &[]);
@@ -89,19 +89,6 @@ pub(crate) fn widen_named<'a>(
             widen(session, domain, &of(&others), &of(&whole), &variant, estimates, &|_| None, options);
         }
     }
-}
-
-/// The effect of a candidate with the values of its fit.
-pub(crate) fn variant_of<'a>(session: &Session<'_>, effects: &[&'a dyn Effect], c: &Candidate) -> Option<Variant<'a>> {
-    let effect = effects.iter().find(|e| e.id() == c.effect)?;
-    let values = c.nonlinear.iter().map(|e| e.value).collect();
-    let mut variant = Variant::new(session, *effect, c.target, values);
-    if !c.trials.is_empty() {
-        variant.group = session.trials.iter().map(|name| c.trials.contains(name)).collect();
-    }
-    // a candidate's unknowns in the room and on the link were fitted
-    variant.fitted = variant.nonlinear.len();
-    Some(variant)
 }
 
 /// What the rounds named, without what was dropped again beside effects of later rounds.

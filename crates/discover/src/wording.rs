@@ -3,7 +3,9 @@
 use crate::held_out::HeldOutResult;
 use crate::laws::{OpenWorld, WHOLE_BODY};
 use crate::problem::Domain;
-use crate::result::{AgainstLaw, Candidate, Discovery, Estimate, FEWEST_CLUSTERS, Group, MANY_CLUSTERS, Round, Verdict};
+use crate::result::{
+    AgainstLaw, Candidate, Discovery, Estimate, FEWEST_CLUSTERS, Group, MANY_CLUSTERS, Round, Verdict,
+};
 use aloft_effects::{About, Effect, EffectKind};
 use aloft_identify::half_of;
 
@@ -276,7 +278,7 @@ pub(crate) fn with_open(d: &Discovery, open: &OpenWorld, far: bool) -> String {
 /// Why an effect is not named although it lowers the error.
 pub(crate) fn refuted(a: &AgainstLaw) -> String {
     format!(
-        "; `{}` is not named, because on flights and contact together a law of another form leaves {:.2} times its error (p = {})",
+        "; `{}` is not named, because on flights and contact together a law beyond the catalogue leaves {:.2} times its error (p = {})",
         a.effect,
         a.error_ratio,
         digits(a.p_value, 1)

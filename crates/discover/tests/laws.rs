@@ -9,6 +9,7 @@ mod common;
 use aloft_discover::*;
 use aloft_effects::{EffectInstance, FormulaEffect, Target};
 use aloft_regressor::WeakOptions;
+use std::sync::Mutex;
 
 struct Lab {
     truth: common::Truth,
@@ -32,6 +33,11 @@ impl Lab {
     /// The search on recordings in which a law acts, of such a size that the error is `strength`
     /// times that without it; `size` is the amplitude of the law.
     fn find(&self, law: Option<(&FormulaEffect, f64)>) -> (Discovery, f64) {
+        self.find_telling(law, &|_| {})
+    }
+
+    /// The same; `tell` receives the progress.
+    fn find_telling(&self, law: Option<(&FormulaEffect, f64)>, tell: &(dyn Fn(Told<'_>) + Sync)) -> (Discovery, f64) {
         let body = Body {
             model: &self.truth.model,
             base: &self.truth.base,
@@ -72,7 +78,7 @@ impl Lab {
             noise_floor_ci95: Some([0.88 * floor, 1.12 * floor]),
             by_parameters: None,
         };
-        let session = session.with_model_error(Some(standing), None);
+        let session = session.with_model_error(Some(standing), None).with_progress(tell);
         (discover(&session, &catalogue(), &[], &options()).unwrap(), size)
     }
 }
@@ -90,7 +96,7 @@ struct Case {
     variables: &'static [&'static str],
 }
 
-const CASES: [Case; 8] = [
+const CASES: [Case; 10] = [
     Case {
         name: "drag with the power 1.5 of the speed at the end of a link",
         yaml: "id: hidden\npoint: {link: link1, position_m: [-0.2, 0.0, 0.02]}\n\
@@ -173,6 +179,24 @@ const CASES: [Case; 8] = [
         direction: Direction::Link,
         variables: &["q_link1", "v_link_y"],
     },
+    Case {
+        name: "the pressure of a flow on a wing, along its normal",
+        yaml: "id: hidden\npoint: {link: link1}\naxes: link\nforce: ['0', '-c*v_link_y*abs(v_link_x)', '0']\n\
+               coefficients: [{name: c, unit: kg/m}]",
+        carriers: &["link1"],
+        action: Action::Force,
+        direction: Direction::Link,
+        variables: &["v_link_x", "v_link_y"],
+    },
+    Case {
+        name: "a couple against one spin that grows with the size of another",
+        yaml: "id: hidden\npoint: {link: link0}\naxes: link\nmoment: ['-c*omega_link_x*abs(omega_link_z)', '0', '0']\n\
+               coefficients: [{name: c, unit: N*m*s^2}]",
+        carriers: &["link0"],
+        action: Action::Couple,
+        direction: Direction::Link,
+        variables: &["omega_link_x", "omega_link_z"],
+    },
 ];
 
 fn report(name: &str, d: &Discovery) {
@@ -228,6 +252,32 @@ laws! {
     couple_by_the_joint_angle: 5,
     product_of_speed_and_height: 6,
     product_of_joint_angle_and_velocity: 7,
+    flow_on_a_wing: 8,
+    couple_by_two_spins: 9,
+}
+
+/// The catalogue's answer is told before the search, then what the search knows, with its steps.
+#[test]
+fn what_is_known_is_told_while_the_search_goes_on() {
+    let heard: Mutex<Vec<(Option<Part>, String)>> = Mutex::default();
+    let tell = |told: Told<'_>| {
+        heard.lock().unwrap().push(match told {
+            Told::Steps { part, done, expected } => {
+                assert!(done <= expected, "{done} of {expected}");
+                (Some(part), String::new())
+            }
+            Told::SoFar(words) => (None, words.to_owned()),
+        });
+    };
+    let (d, _) = lab(7).find_telling(Some((&formula(CASES[0].yaml), 12.0)), &tell);
+    let heard = heard.into_inner().unwrap();
+    let words: Vec<&str> = heard.iter().filter(|(part, _)| part.is_none()).map(|(_, w)| w.as_str()).collect();
+    assert!(words[0].contains("times the noise floor") && words[0].contains("beyond the catalogue"), "{words:?}");
+    assert!(words[1].contains("a force on `link1`, against the velocity"), "{words:?}");
+    assert!(words[2].contains(&d.open.unwrap().laws[0].text), "{words:?}");
+    let first = |part: Part| heard.iter().position(|(p, _)| *p == Some(part)).unwrap();
+    let so_far = heard.iter().position(|(p, _)| p.is_none()).unwrap();
+    assert!(first(Part::Catalogue) < so_far && so_far < first(Part::Atlas) && first(Part::Atlas) < first(Part::Laws));
 }
 
 #[test]

@@ -344,12 +344,8 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
                 for (first, second) in Variable::pairs_of(action) {
                     let of = |v: Variable| products.iter().find(|p| p.0 == v);
                     let (Some((x, of_x, xs)), Some((y, of_y, ys))) = (of(first), of(second)) else { continue };
-                    let base = Group {
-                        variable: *x,
-                        range: *of_x,
-                        second: Some((*y, *of_y)),
-                        ..blank(action, direction)
-                    };
+                    let base =
+                        Group { variable: *x, range: *of_x, second: Some((*y, *of_y)), ..blank(action, direction) };
                     let nb = if y.is_signed() { 2 } else { 1 };
                     let both = |(x, y): (&f64, &f64)| [x * y, x * y.abs()].into_iter().take(nb);
                     let weight: Vec<Vec<f64>> =

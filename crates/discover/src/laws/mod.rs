@@ -9,6 +9,7 @@
 //! | laws | `fit`, `law` | expressions for the best entries, with point, anchor and constants fitted in every fold |
 //! | rounds | `search` | a second factor, the simplest law that is as good, and again on what remains |
 //! | contact | `with_contact` | the law that flights and contact show together |
+//! | place | `near_joint`, `off_link` | the other link of a joint; whether a point lies on its link |
 //! | form | `form` | whether the strength of an effect that the catalogue names follows its law |
 //! | intervals | `intervals` | those of a law, with errors that are the same in all recordings |
 //! | advice | `next` | the recording that tells a law from the next best one |
@@ -31,6 +32,7 @@ mod kinematics;
 mod law;
 mod near_joint;
 mod next;
+mod off_link;
 mod one_law;
 mod result;
 mod search;

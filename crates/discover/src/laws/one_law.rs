@@ -6,6 +6,7 @@ use super::evidence::Evidence;
 use super::fit::{self, Fitted};
 use super::kinematics::{Action, Carrier, Variable};
 use super::law::{Factor, Law};
+use super::off_link::{ALSO, on_its_link};
 use super::shape::{KNOTS, Shape};
 use crate::problem::Problem;
 use crate::progress::Until;
@@ -19,8 +20,6 @@ const PERSON: f64 = 1.11;
 const CURVE: f64 = 1.15;
 /// A second factor has to leave less than this share of the error.
 const SECOND: f64 = 0.85;
-/// Laws on another link that leave no more than this multiple of the error are not excluded.
-pub(super) const ALSO: f64 = 1.05;
 
 /// A law, the next best one that differs from it, and other carriers that the rows do not exclude.
 pub(super) struct OneLaw {
@@ -44,6 +43,9 @@ pub(super) fn one_law(
     let mut laws = fit::laws(session, problem, evidence, groups, until);
     laws.extend(more);
     laws.sort_by(|a, b| a.error().total_cmp(&b.error()));
+    if let Some(at) = on_its_link(session.scene, &laws).filter(|_| session.prior.is_some()) {
+        laws[..=at].rotate_right(1);
+    }
     let curves: Vec<Fitted> = groups.iter().take(3).filter_map(|g| fit::curve(session, problem, g)).collect();
     let curve = curves.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()));
     let simple = simplest(&laws, session.prior.is_some()).cloned();

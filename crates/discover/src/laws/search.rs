@@ -10,7 +10,8 @@ use super::kinematics::{Action, Carrier, Variable};
 use super::law::{Law, PointIs};
 use super::near_joint::other_links;
 use super::next::next_recording;
-use super::one_law::{ALSO, OneLaw, SIMPLER, one_law};
+use super::off_link::ALSO;
+use super::one_law::{OneLaw, SIMPLER, one_law};
 use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
 use super::with_contact::{Flights, IN_FLIGHT, OfBoth, in_use, with_contact};
 use super::wording;
@@ -375,7 +376,8 @@ fn diagnose(session: &Session<'_>, problem: &Problem, atlas: &Atlas, p: f64) -> 
     let single = atlas.groups.iter().find(|g| g.is_one_dependence());
     let first = &atlas.groups[0];
     let best = single.filter(|s| first.score.ratio > PRODUCT * s.score.ratio).unwrap_or(first);
-    let as_good = |g: &&Group| g.is_one_dependence() == best.is_one_dependence() && g.score.ratio <= 1.04 * best.score.ratio;
+    let as_good =
+        |g: &&Group| g.is_one_dependence() == best.is_one_dependence() && g.score.ratio <= 1.04 * best.score.ratio;
     let g = atlas
         .groups
         .iter()

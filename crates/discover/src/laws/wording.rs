@@ -1,9 +1,9 @@
 //! The search beyond the catalogue in words.
 
+use super::fit::Fitted;
 use super::kinematics::{Action, Direction, Variable};
 use super::law::{Law, PointIs};
 use super::result::{Diagnosis, LawKind, OpenWorld, Work};
-use super::fit::Fitted;
 use super::search::{ANSWERED, work};
 use crate::held_out::HeldOutResult;
 use crate::result::{Discovery, Estimate};

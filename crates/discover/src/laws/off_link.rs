@@ -1,0 +1,105 @@
+//! Whether the point of a force lies on the link that it is said to act on.
+//!
+//! A force at a point of the room acts on whichever link is there, and in short flights the links
+//! near it move alike. With a free point, a law on the head can act at the shoulder, and describe a
+//! force on the upper arm nearly as well as a law on the upper arm does.
+
+use super::fit::Fitted;
+use super::kinematics::{Action, Carrier};
+use aloft_effects::Scene;
+use nalgebra::Vector3;
+
+/// Laws on another link that leave no more than this multiple of the error are not excluded.
+pub(super) const ALSO: f64 = 1.05;
+
+/// Largest distance of a point of a person's link from the lines between its joints, m: half the
+/// depth of a chest, which is the largest.
+const OFF_M: f64 = 0.12;
+
+/// The law that is stated first of those of a person, best first: the best one, or if its point is
+/// not on its link, the best of those that explain as much with a point on theirs.
+pub(super) fn on_its_link(scene: &Scene, laws: &[Fitted]) -> Option<usize> {
+    let best = laws.first()?;
+    let as_good = |l: &&Fitted| l.law.action == best.law.action && l.error() <= ALSO * ALSO * best.error();
+    let at = laws.iter().take_while(as_good).position(|l| !is_off(scene, l));
+    Some(at.unwrap_or(0))
+}
+
+/// True if the point of a force lies farther from its link than a link is thick.
+fn is_off(scene: &Scene, f: &Fitted) -> bool {
+    let (Carrier::Link(link), Action::Force) = (f.law.carrier, f.law.action) else { return false };
+    let (point, _, _) = f.law.divided(&f.nonlinear);
+    distance(scene, link, &point) > OFF_M
+}
+
+/// Distance of a point (link frame, m) from the lines from a link's joint to those of its children;
+/// of a last link, from the line through its centre of mass that is twice as long.
+fn distance(scene: &Scene, link: usize, point: &Vector3<f64>) -> f64 {
+    let children = scene.model.links.iter().filter(|l| l.parent == Some(link));
+    let mut ends: Vec<Vector3<f64>> = children.map(|l| l.joint.parent_from_joint.translation.vector).collect();
+    if ends.is_empty() {
+        ends.push(2.0 * scene.link_com_m[link]);
+    }
+    let from_line = |end: Vector3<f64>| {
+        let share = point.dot(&end) / end.norm_squared().max(1e-12);
+        (point - end * share.clamp(0.0, 1.0)).norm()
+    };
+    ends.into_iter().map(from_line).fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::laws::kinematics::Direction;
+    use crate::laws::law::{Law, PointIs};
+    use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec};
+    use nalgebra::DVector;
+
+    fn law(carrier: usize, point: [f64; 3], error: f64) -> Fitted {
+        let law = Law {
+            id: "law".to_owned(),
+            carrier: Carrier::Link(carrier),
+            action: Action::Force,
+            direction: Direction::World,
+            components: vec![0, 1, 2],
+            factors: Vec::new(),
+            point: Vector3::zeros(),
+            point_is: PointIs::Free,
+            zeros: Vec::new(),
+        };
+        let (theta, none) = (DVector::zeros(3), Vec::new);
+        Fitted { law, nonlinear: point.to_vec(), theta, errors: vec![error], se: none(), freedom: none(), unknowns: 6 }
+    }
+
+    #[test]
+    fn a_point_beyond_a_link_leaves_the_first_place_to_the_link_that_is_there() -> Result<(), Box<dyn std::error::Error>>
+    {
+        let link = |name: &str, parent: Option<&str>, joint, position_m| LinkSpec {
+            name: name.to_owned(),
+            parent: parent.map(str::to_owned),
+            joint,
+            position_m,
+            rpy_rad: [0.0; 3],
+            inertia: None,
+        };
+        let links = vec![
+            link("trunk", None, JointSpec::Free, [0.0; 3]),
+            link("arm", Some("trunk"), JointSpec::RevoluteZ, [0.0, 0.4, 0.2]),
+        ];
+        let model = Model::from_spec(&ModelSpec::new("two".into(), links))?;
+        let phi: Vec<_> = vec![aloft_body::Phi::zeros(); 2];
+        let mut scene = Scene::new(&model, &phi, &[]);
+        scene.link_com_m = vec![Vector3::new(0.0, 0.2, 0.0), Vector3::new(0.0, -0.12, 0.0)];
+        assert!((distance(&scene, 0, &Vector3::new(0.0, 0.2, 0.1)) - 0.0).abs() < 1e-12);
+        assert!((distance(&scene, 1, &Vector3::new(0.0, -0.34, 0.0)) - 0.1).abs() < 1e-12);
+        let off = law(1, [0.0, -0.4, 0.0], 1.0);
+        let beside = law(0, [0.0, 0.0, 0.1], 1.05);
+        assert_eq!(on_its_link(&scene, &[off.clone(), beside.clone()]), Some(1));
+        // not where the other one explains less
+        assert_eq!(on_its_link(&scene, &[off.clone(), law(0, [0.0, 0.0, 0.1], 1.2)]), Some(0));
+        // nor where the first point is on its link
+        assert_eq!(on_its_link(&scene, &[law(1, [0.0, -0.3, 0.05], 1.0), beside]), Some(0));
+        assert_eq!(on_its_link(&scene, &[]), None);
+        Ok(())
+    }
+}
