@@ -65,7 +65,7 @@ fn drift(
     let done = run_all(&set, &Selection::default(), &Silent).unwrap();
     assert!(!done.has_trouble(), "{:#?}", done.runs);
     let found =
-        discover(&set.members[0], &options(vec!["plate_clock_drift".to_owned()], Vec::new(), true, None), &|_, _| {})
+        discover(&set.members[0], &options(vec!["plate_clock_drift".to_owned()], Vec::new(), true, None), &|_| {})
             .unwrap()
             .discovery;
     let candidate = found.candidates.iter().find(|c| c.effect == "plate_clock_drift").unwrap();

@@ -186,7 +186,7 @@ impl Native {
     ) -> PyResult<String> {
         let options = discover::options(only, without, closed, budget_s);
         self.ask_results(py, progress, &[], move |session, reporter| {
-            discover::discover(session, &options, &reporter.counted("discover"))
+            discover::discover(session, &options, &reporter.discovery())
         })
     }
 

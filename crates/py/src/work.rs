@@ -2,6 +2,7 @@
 //! passes its progress to Python and watches for Ctrl-C.
 
 use crate::errors::{defect, raise};
+use aloft_discover::Told;
 use aloft_pipeline::progress::{Forecast, Plan, Progress};
 use aloft_pipeline::runner::TaskReport;
 use aloft_study::recordings::SessionId;
@@ -32,6 +33,8 @@ pub struct Step {
     done: usize,
     total: usize,
     seconds_left: Option<f64>,
+    /// What is known already, in words.
+    so_far: Option<String>,
 }
 
 /// Payload with which a job unwinds when it is to stop inside a computation that reports its
@@ -58,6 +61,7 @@ impl Reporter {
             done,
             total,
             seconds_left: forecast.seconds_left(),
+            so_far: None,
         };
         // the caller has gone after a second Ctrl-C
         let _ = self.steps.send(step);
@@ -67,13 +71,34 @@ impl Reporter {
     pub fn counted(&self, what: &'static str) -> impl Fn(usize, usize) + Sync + '_ {
         // a sender cannot be shared between threads
         let steps = Mutex::new(self.steps.clone());
-        move |done, total| {
-            if self.stop.load(Ordering::Relaxed) {
-                resume_unwind(Box::new(Stopping));
-            }
-            if let Ok(steps) = steps.lock() {
-                let _ = steps.send(Step { what: what.to_owned(), done, total, ..Step::default() });
-            }
+        move |done, total| self.send(&steps, Step { what: what.to_owned(), done, total, ..Step::default() })
+    }
+
+    /// Reports the steps of a discovery and what it knows already; ends it if it is to stop.
+    pub fn discovery(&self) -> impl Fn(Told<'_>) + Sync + '_ {
+        let steps = Mutex::new(self.steps.clone());
+        let last = Mutex::new((0, 0));
+        move |told| {
+            let Ok(mut last) = last.lock() else { return };
+            let so_far = match told {
+                Told::Steps { done, expected, .. } => {
+                    *last = (done, expected);
+                    None
+                }
+                Told::SoFar(words) => Some(words.to_owned()),
+            };
+            let (done, total) = *last;
+            drop(last);
+            self.send(&steps, Step { what: "discover".to_owned(), done, total, so_far, ..Step::default() });
+        }
+    }
+
+    fn send(&self, steps: &Mutex<mpsc::Sender<Step>>, step: Step) {
+        if self.stop.load(Ordering::Relaxed) {
+            resume_unwind(Box::new(Stopping));
+        }
+        if let Ok(steps) = steps.lock() {
+            let _ = steps.send(step);
         }
     }
 }
@@ -99,7 +124,7 @@ impl Progress for Reporter {
 }
 
 /// Runs a job without the interpreter's lock. `progress` is called in the calling thread with
-/// `(what, of, trial, done, total, seconds_left)`. Ctrl-C, or an error of `progress`, asks the job
+/// `(what, of, trial, done, total, seconds_left, so_far)`. Ctrl-C, or an error of `progress`, asks the job
 /// to stop and is raised when it has; a second Ctrl-C is raised at once, and what the job still
 /// computes goes on in its thread.
 pub fn work<T: Send + 'static>(
@@ -124,7 +149,7 @@ pub fn work<T: Send + 'static>(
         (step, told) = py.detach(move || (told.recv_timeout(WATCH), told));
         let answer = match (&step, &progress, &problem) {
             (Ok(s), Some(call), None) => {
-                call.call1((&s.what, &s.of, &s.trial, s.done, s.total, s.seconds_left)).map(drop)
+                call.call1((&s.what, &s.of, &s.trial, s.done, s.total, s.seconds_left, &s.so_far)).map(drop)
             }
             _ => Ok(()),
         };

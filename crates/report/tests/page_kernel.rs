@@ -84,7 +84,7 @@ fn validate_the_page_computes_what_the_program_computes() {
         let config = repo().join("pipelines").join(format!("{pipeline}.yaml"));
         let session = SubjectSession::open(&config, &overrides).unwrap();
         run(&session, &Selection::default(), &Silent).unwrap();
-        discover(&session, &options(Vec::new(), Vec::new(), false, None), &|_, _| {}).unwrap();
+        discover(&session, &options(Vec::new(), Vec::new(), false, None), &|_| {}).unwrap();
         let numbers = aloft_report::switch_numbers(&session).unwrap().expect("switches on the page");
         let switches = Switches::prepare(&session, &[], &|_, _| {}).unwrap();
         let keys: Vec<String> = numbers["kernel"]["switches"]

@@ -34,8 +34,12 @@ class Progress(NamedTuple):
     """Steps expected in all."""
     seconds_left: float | None
     """Forecast, s; None while nothing is known."""
+    so_far: str | None = None
+    """What a discovery knows already, in words; its answer may still differ. None for a step."""
 
     def __str__(self) -> str:
+        if self.so_far is not None:
+            return f"{self.what} so far: {self.so_far}"
         words = [w for w in (self.what, self.subject, self.trial) if w]
         left = "" if self.seconds_left is None else f", {self.seconds_left:.0f} s left"
         return f"{' '.join(words)} ({self.done} of {self.total}{left})"
