@@ -305,7 +305,8 @@ pub enum Command {
         json: bool,
     },
     /// Say which physical effect or measurement artefact is missing, how sure, and what it can be
-    /// confused with.
+    /// confused with. Where error remains above the floor, laws beyond the catalogue are sought;
+    /// what is known already is printed on stderr meanwhile.
     #[command(
         after_help = "Examples:\n  aloft discover P.yaml\n  aloft discover P.yaml --without plate_origin\n  aloft discover P.yaml --only tether --only wind --json\n  aloft discover P.yaml --self-test       inject effects into these recordings and count the right names"
     )]

@@ -123,15 +123,14 @@ pub(crate) fn so_far(d: &Discovery, left: Option<HeldOutResult>) -> String {
         several => format!("one of {}", list(several)),
     };
     let named = matches!(d.verdict, Verdict::Supported | Verdict::OneOf) && !d.groups.is_empty();
-    let says = if named {
-        let groups: Vec<String> = d.groups.iter().map(group).collect();
-        format!("missing from the catalogue's effects: {}", groups.join(", and "))
-    } else {
-        "no effect of the catalogue explains the error".to_owned()
+    let groups: Vec<String> = d.groups.iter().map(group).collect();
+    let (says, with) = match &groups[..] {
+        groups if named => (format!("the catalogue names {} as missing", groups.join(", and ")), "with it "),
+        _ => ("no effect of the catalogue explains the error".to_owned(), ""),
     };
     let left = left.map_or(String::new(), |left| {
         format!(
-            "; {} N remain in flight, {} times the noise floor",
+            "; {with}the error in flight is {} N, {} times the noise floor",
             digits(left.held_out_error, 3),
             digits(left.times_floor(), 2)
         )
