@@ -25,7 +25,7 @@ pub(super) fn other_links(model: &Model, carrier: Carrier, point: &[Estimate], s
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use aloft_body::{JointSpec, LinkSpec, ModelSpec};
 
@@ -44,8 +44,8 @@ mod tests {
         at.map(of).to_vec()
     }
 
-    #[test]
-    fn a_point_at_a_joint_leaves_both_of_its_links_open() -> Result<(), Box<dyn std::error::Error>> {
+    /// A trunk and an arm with its joint at a point of the trunk, m.
+    pub(in super::super) fn trunk_and_arm(joint_m: [f64; 3]) -> Result<Model, aloft_body::BodyError> {
         let link = |name: &str, parent: Option<&str>, joint, position_m| LinkSpec {
             name: name.to_owned(),
             parent: parent.map(str::to_owned),
@@ -55,10 +55,15 @@ mod tests {
             inertia: None,
         };
         let links = vec![
-            link("base", None, JointSpec::Free, [0.0; 3]),
-            link("arm", Some("base"), JointSpec::RevoluteZ, [0.0, 0.25, 0.02]),
+            link("trunk", None, JointSpec::Free, [0.0; 3]),
+            link("arm", Some("trunk"), JointSpec::RevoluteZ, joint_m),
         ];
-        let model = Model::from_spec(&ModelSpec::new("two".into(), links))?;
+        Model::from_spec(&ModelSpec::new("two".into(), links))
+    }
+
+    #[test]
+    fn a_point_at_a_joint_leaves_both_of_its_links_open() -> Result<(), Box<dyn std::error::Error>> {
+        let model = trunk_and_arm([0.0, 0.25, 0.02])?;
         let hinge = model.links[1].joint.parent_from_joint.translation.vector;
         let near = |carrier, at: [f64; 3]| other_links(&model, Carrier::Link(carrier), &point(at), 0.0);
         assert_eq!(near(1, [0.01, 0.0, -0.01]), [Carrier::Link(0)]);

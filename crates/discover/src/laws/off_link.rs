@@ -52,7 +52,7 @@ mod tests {
     use super::*;
     use crate::laws::kinematics::Direction;
     use crate::laws::law::{Law, PointIs};
-    use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec};
+    use crate::laws::near_joint::tests::trunk_and_arm;
     use nalgebra::DVector;
 
     fn law(carrier: usize, point: [f64; 3], error: f64) -> Fitted {
@@ -74,19 +74,7 @@ mod tests {
     #[test]
     fn a_point_beyond_a_link_leaves_the_first_place_to_the_link_that_is_there() -> Result<(), Box<dyn std::error::Error>>
     {
-        let link = |name: &str, parent: Option<&str>, joint, position_m| LinkSpec {
-            name: name.to_owned(),
-            parent: parent.map(str::to_owned),
-            joint,
-            position_m,
-            rpy_rad: [0.0; 3],
-            inertia: None,
-        };
-        let links = vec![
-            link("trunk", None, JointSpec::Free, [0.0; 3]),
-            link("arm", Some("trunk"), JointSpec::RevoluteZ, [0.0, 0.4, 0.2]),
-        ];
-        let model = Model::from_spec(&ModelSpec::new("two".into(), links))?;
+        let model = trunk_and_arm([0.0, 0.4, 0.2])?;
         let phi: Vec<_> = vec![aloft_body::Phi::zeros(); 2];
         let mut scene = Scene::new(&model, &phi, &[]);
         scene.link_com_m = vec![Vector3::new(0.0, 0.2, 0.0), Vector3::new(0.0, -0.12, 0.0)];

@@ -109,7 +109,7 @@ const Live = (() => {
   };
 
   // what a discovery knows before it ends; a new piece of work begins with none
-  const soFar = (words) => at("so-far").append(make("li", {}, "So far: " + words));
+  const soFar = (words) => at("so-far").append(make("li", {}, ...Studio.prose("So far: " + words)));
   const work = (words, done, of, left) => {
     at("work").hidden = words === null;
     if (words === null) at("so-far").replaceChildren();
