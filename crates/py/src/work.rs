@@ -124,9 +124,9 @@ impl Progress for Reporter {
 }
 
 /// Runs a job without the interpreter's lock. `progress` is called in the calling thread with
-/// `(what, of, trial, done, total, seconds_left, so_far)`. Ctrl-C, or an error of `progress`, asks the job
-/// to stop and is raised when it has; a second Ctrl-C is raised at once, and what the job still
-/// computes goes on in its thread.
+/// `(what, of, trial, done, total, seconds_left, so_far)`. Ctrl-C, or an error of `progress`, asks
+/// the job to stop and is raised when it has; a second Ctrl-C is raised at once, and what the job
+/// still computes goes on in its thread.
 pub fn work<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<Bound<'_, PyAny>>,
