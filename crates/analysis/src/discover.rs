@@ -335,6 +335,20 @@ pub fn latest(session: &SubjectSession) -> Option<Discovery> {
     answer.filter(|d| d.made_from == looked_at(session)).map(|d| d.answer)
 }
 
+/// Largest share of the error in contact that laws may leave of what the best effect of the
+/// catalogue leaves there, if they are to explain what looks like a wrong mass.
+const FAR_LESS: f64 = 0.5;
+
+/// True if what was found leaves far less of the error in contact than each effect of the catalogue
+/// by itself, a wrong mass and a gain of the plates among them.
+fn least_in_contact(found: &Discovery, before: &[HeldOutError], after: &[HeldOutError]) -> bool {
+    let of = |all: &[HeldOutError]| all.iter().find(|e| e.judged_on == "contact").map(|e| e.held_out_error);
+    let Some(left) = of(after).zip(of(before)).map(|(a, b)| a / b) else { return false };
+    let in_contact = found.candidates.iter().filter(|c| c.judged_on == "contact" && !c.placebo);
+    let best = in_contact.map(|c| c.held_out_ratio).fold(1.0, f64::min);
+    left < FAR_LESS * best
+}
+
 fn found(
     session: &SubjectSession,
     bench: &RankingInputs<'_>,
@@ -400,10 +414,12 @@ fn found(
         found.advice.insert(0, words);
     }
     let named = matches!(found.verdict, Verdict::Supported | Verdict::OneOf);
-    // laws that leave flights and contact at their floors explain what looks like a wrong mass
+    // laws that leave flights at their floor, and contact at its floor or far below what a wrong mass
+    // or plate would leave, explain what looks like a wrong mass
     let at_floor = |place| errors_after.iter().any(|e| e.judged_on == place && e.at_floor == Some(true));
     let complete = found.open.as_ref().is_some_and(|o| o.complete && !o.laws.is_empty());
-    let by_laws = complete && at_floor("flight") && at_floor("contact");
+    let by_laws =
+        complete && at_floor("flight") && (at_floor("contact") || least_in_contact(&found, &errors, &errors_after));
     let to_correct = to_correct.filter(|c| c.void || !named);
     if let Some(wrong) = to_correct.as_ref().filter(|_| by_laws) {
         found.advice.push(format!("if the law is not real: {}", wrong.words));

@@ -166,6 +166,7 @@ fn page(f: &FormulaEffect, origin: &str) -> EffectPage {
     for c in &f.constants {
         lines.push(format!("constant `{}` = {} {}", c.name, c.value, c.unit));
     }
+    lines.extend(f.definitions.iter().map(|d| format!("`{}` = {}", d.name, d.formula)));
     EffectPage { id: f.id.clone(), title: f.title.clone(), documentation: lines.join("\n").trim().to_owned() }
 }
 

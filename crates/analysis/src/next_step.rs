@@ -71,7 +71,11 @@ pub fn step(view: &ComparisonView, answer: Option<&Discovery>, held: &[&str]) ->
         matches!(d.verdict, Verdict::Supported | Verdict::OneOf)
             && !(view.to_correct.as_ref().is_some_and(|c| c.first) && d.effects.iter().any(same))
     };
-    if let Some(c) = &view.to_correct
+    // a correction that voids all errors is no answer beside laws that explain what it rests on
+    let by_laws = |d: &Discovery| {
+        d.verdict == Verdict::Unexplained && d.open.as_ref().is_some_and(|o| o.complete && !o.laws.is_empty())
+    };
+    if let Some(c) = view.to_correct.as_ref().filter(|c| !(c.void && answer.is_some_and(by_laws)))
         && (c.void || c.first && !answer.is_some_and(named) || answer.is_some_and(|d| !named(d)))
     {
         return NextStep::Correct(c.words.clone());

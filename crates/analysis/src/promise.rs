@@ -57,6 +57,10 @@ pub(crate) fn promised(
         own_effects.push(OwnEffect::described(&law.effect)?);
     }
     on_a_copy(SubjectSession { effects, own_effects, ..with }, &Silent, Keep::Forecast, |done| {
+        // a stage that failed has left the results of the model without the effects
+        if !freshness(done)?.is_current() {
+            return Err(PipelineError::request("the model with these effects could not be computed"));
+        }
         let place = Workspace::open(&done.workspace).place("identify", WHOLE_STUDY);
         let file = place.join(parameters_file(done.config.regressor.rows));
         let coefficients = if file.is_file() { read_json::<Parameters>(&file)?.effects } else { Vec::new() };

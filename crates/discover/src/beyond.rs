@@ -71,7 +71,7 @@ pub(crate) fn look_beyond(
             .push(format!("the search beyond the catalogue was not begun: the budget of {budget} s was used up"));
         return;
     }
-    session.counter.so_far(&wording::so_far(out, left[0]));
+    session.counter.so_far(&wording::so_far(out, session.model_error[0], left[0]));
     let first = out.rounds.first().map_or(&out.candidates, |r| &r.candidates);
     // what contact contradicts is no rival
     let single = first.iter().filter(|c| !c.placebo && !refuted).map(|c| c.held_out_ratio).fold(1.0, f64::min);
@@ -111,6 +111,15 @@ pub(crate) fn look_beyond(
     let refused = of_law.and_then(|id| Refused::by_stages(&id, &id, session.model_error[1], with));
     if let (Some(no), Some(model_error)) = (refused, &session.model_error[0]) {
         out.warnings.push(no.words);
+        open.without_laws(model_error);
+        open.times_floor_in_contact = None;
+    }
+    // errors of the time base or of lengths look like a constant force in flight, and like many
+    // things in contact
+    if let Some(model_error) = &session.model_error[0]
+        && staged.and_then(|s| s[1]).is_some_and(|e| e.is_far())
+        && open.does_no_better_than_constant(model_error)
+    {
         open.without_laws(model_error);
         open.times_floor_in_contact = None;
     }

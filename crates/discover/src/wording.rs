@@ -116,26 +116,35 @@ pub(crate) fn or_pair(effects: &[String], pair: &[String; 2], joins: bool, left:
     )
 }
 
-/// What the catalogue says before the search beyond it, with what is left in flight.
-pub(crate) fn so_far(d: &Discovery, left: Option<HeldOutResult>) -> String {
+/// What the catalogue says before the search beyond it, with the error in flight of the model
+/// (`now`), or `with` the effects that it names.
+pub(crate) fn so_far(d: &Discovery, now: Option<HeldOutResult>, with: Option<HeldOutResult>) -> String {
     let group = |g: &Group| match &g.effects[..] {
         [one] => format!("`{one}`"),
         several => format!("one of {}", list(several)),
     };
     let named = matches!(d.verdict, Verdict::Supported | Verdict::OneOf) && !d.groups.is_empty();
     let groups: Vec<String> = d.groups.iter().map(group).collect();
-    let (says, with) = match &groups[..] {
-        groups if named => (format!("the catalogue names {} as missing", groups.join(", and ")), "with it "),
-        _ => ("no effect of the catalogue explains the error".to_owned(), ""),
+    let (says, left, of, begins) = match &groups[..] {
+        groups if named => {
+            let it = if groups.len() > 1 { "them" } else { "it" };
+            (
+                format!("the catalogue names {} as missing", groups.join(", and ")),
+                with,
+                format!("with {it} "),
+                format!("comparing {it} with laws"),
+            )
+        }
+        _ => ("no effect of the catalogue explains the error".to_owned(), now, String::new(), "searching".to_owned()),
     };
     let left = left.map_or(String::new(), |left| {
         format!(
-            "; {with}the error in flight is {} N, {} times the noise floor",
+            "; {of}the error in flight is {} N, {} times the noise floor",
             digits(left.held_out_error, 3),
             digits(left.times_floor(), 2)
         )
     });
-    format!("{says}{left}. Now searching beyond the catalogue, which may change the answer")
+    format!("{says}{left}. Now {begins} beyond the catalogue, which may change the answer")
 }
 
 /// Reason why the best candidate is not accepted.

@@ -61,8 +61,8 @@ pub use columns::{Applied, Columns};
 pub use effect::Effect;
 pub use error::{EffectsError, FormulaProblem};
 pub use formula::{
-    CompiledFormula, FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaEffect, FormulaParameter, FormulaPart,
-    FormulaPoint,
+    CompiledFormula, FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaDefinition, FormulaEffect,
+    FormulaParameter, FormulaPart, FormulaPoint,
 };
 pub use instance::{EffectInstance, WrenchColumns, columns, columns_about};
 pub use joint::{JointSeries, SURE_OF_SIGN};

@@ -5,8 +5,8 @@ use super::kinematics::{Action, Carrier, Direction, Variable};
 use super::law::{Factor, Law, factor_name};
 use super::shape::Shape;
 use aloft_effects::{
-    ActsIn, Effect, EffectKind, FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaEffect, FormulaParameter,
-    FormulaPoint, Scene, Target,
+    ActsIn, Effect, EffectKind, FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaDefinition, FormulaEffect,
+    FormulaParameter, FormulaPoint, Scene, Target,
 };
 
 /// Speeds and rates below this have no direction, m/s and rad/s.
@@ -22,15 +22,23 @@ impl Law {
             _ => FormulaAxes::World,
         };
         let mut terms = vec![String::new()];
+        let mut definitions = Vec::new();
+        let mut define = |name: String, formula: String| definitions.push(FormulaDefinition { name, formula });
+        if self.has_anchor() {
+            define("distance".to_owned(), "sqrt((anchor_x-r_x)^2+(anchor_y-r_y)^2+(anchor_z-r_z)^2)".to_owned());
+        }
         for (i, (f, p)) in self.factors.iter().zip(self.parameters_of(&parts)).enumerate() {
             let names = parameter_names(i, f);
             debug_assert_eq!(names.len(), p.len());
-            let x = match f.variable {
-                Variable::Distance => "sqrt((anchor_x-r_x)^2+(anchor_y-r_y)^2+(anchor_z-r_z)^2)".to_owned(),
-                v => v.formula(scene),
-            };
             let one = format!("one_{}", i + 1);
-            let made = f.shape.formulas(&x, &names, f.range);
+            let mut made = f.shape.formulas(&f.variable.formula(scene), &names, f.range);
+            if f.shape == Shape::Curve {
+                for (k, hat) in made.iter_mut().enumerate() {
+                    let name = if i == 0 { format!("hat{k}") } else { format!("hat{k}_{}", i + 1) };
+                    define(name.clone(), replace_word(hat, "one", &one));
+                    *hat = name;
+                }
+            }
             terms = terms
                 .iter()
                 .flat_map(|t| made.iter().map(move |m| if m == "1" { t.clone() } else { format!("{t}*{m}") }))
@@ -102,6 +110,7 @@ impl Law {
                 })
                 .collect(),
             constants,
+            definitions,
             acts: ActsIn::Flight,
             kind: EffectKind::Physics,
             documentation,
@@ -158,7 +167,7 @@ impl Law {
             }
             Direction::Towards => {
                 let x = ["x", "y", "z"][axis];
-                Some(format!("((anchor_{x}-r_{x})/sqrt((anchor_x-r_x)^2+(anchor_y-r_y)^2+(anchor_z-r_z)^2))"))
+                Some(format!("((anchor_{x}-r_{x})/distance)"))
             }
         }
     }
@@ -192,4 +201,60 @@ fn replace_word(text: &str, word: &str, by: &str) -> String {
 /// True for a shape that is a curve through free values, not an expression.
 pub(crate) fn is_curve(law: &Law) -> bool {
     law.factors.iter().any(|f| f.shape == Shape::Curve)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::law::PointIs;
+    use super::super::near_joint::tests::trunk_and_arm;
+    use super::super::shape::Range;
+    use super::*;
+    use aloft_body::Phi;
+    use nalgebra::Vector3;
+
+    /// Whatever the search may state can be added to a model, curves and products among it.
+    #[test]
+    fn every_law_is_a_valid_effect_of_the_user() -> Result<(), Box<dyn std::error::Error>> {
+        let model = trunk_and_arm([0.0, 0.25, 0.02])?;
+        let scene = Scene::new(&model, &vec![Phi::repeat(1.0); model.links.len()], &[]);
+        let range = Range { low: 0.612_345_678_901_234_5, high: 1.987_654_321_098_765_4 };
+        let factor = |variable, shape| Factor { variable, shape, range, fixed: None };
+        let variables = [
+            Variable::Distance,
+            Variable::VelocityInWorld(2),
+            Variable::SpinInLink(0),
+            Variable::JointAngle(1),
+            Variable::Clock,
+        ];
+        let second =
+            [None, Some(factor(Variable::JointRate(1), Shape::Power)), Some(factor(Variable::Speed, Shape::Switch))];
+        let mut count = 0;
+        for direction in Direction::FIXED.into_iter().chain([Direction::Towards]) {
+            for variable in variables {
+                let shapes = Shape::of(variable.is_signed(), variable == Variable::Distance, false);
+                for shape in shapes.into_iter().chain([Shape::Curve]) {
+                    for second in &second {
+                        let law = Law {
+                            id: "law".to_owned(),
+                            carrier: Carrier::Link(1),
+                            action: Action::Force,
+                            direction,
+                            components: (0..direction.components()).collect(),
+                            factors: std::iter::once(factor(variable, shape)).chain(second.clone()).collect(),
+                            point: Vector3::new(0.01, 0.02, 0.03),
+                            point_is: PointIs::Given,
+                            zeros: Vec::new(),
+                        };
+                        let values: Vec<f64> =
+                            law.nonlinear(&scene, Target::Body).iter().map(|q| 0.5 * (q.lower + q.upper)).collect();
+                        let effect = law.formula(&scene, &values, String::new());
+                        effect.compile(&scene).map_err(|e| format!("{direction:?} {variable:?} {shape:?}: {e}"))?;
+                        count += 1;
+                    }
+                }
+            }
+        }
+        assert!(count > 1000, "{count}");
+        Ok(())
+    }
 }

@@ -190,7 +190,7 @@ pub(crate) fn search(
                 if round == 0 {
                     next = rival.and_then(|r| next_recording(session, &found, &r));
                 }
-                session.counter.so_far(&wording::law_so_far(session, &found, ratio));
+                session.counter.so_far(&wording::law_so_far(session, &found, ratio, round > 0));
                 laws.push(Step { fitted: found, ratio, p, also, of_both });
             }
         }

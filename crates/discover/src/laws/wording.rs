@@ -13,6 +13,11 @@ use aloft_identify::half_of;
 use aloft_regressor::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR};
 use nalgebra::{DVector, Vector3};
 
+/// Laws that leave more than this share of what a force of constant size leaves do no better.
+const LITTLE_LESS: f64 = 0.8;
+/// What formulas call the strength of a force of constant size.
+const CONSTANT: &str = "1";
+
 /// A direction in words.
 fn direction(d: Direction, action: Action) -> &'static str {
     match (d, action) {
@@ -121,10 +126,15 @@ pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f
 }
 
 /// A law of a round while the search goes on; `ratio` is the share that it leaves of the error
-/// before the round.
-pub(super) fn law_so_far(session: &Session<'_>, f: &Fitted, ratio: f64) -> String {
+/// before the round, `further` if laws of rounds before it are in the model.
+pub(super) fn law_so_far(session: &Session<'_>, f: &Fitted, ratio: f64, further: bool) -> String {
     let text = law(session.scene, &f.law, &f.nonlinear, &f.theta, work(session, f));
-    format!("a law beyond the catalogue leaves {:.0} % of the error in flight before it: {text}", 100.0 * ratio)
+    let left = 100.0 * ratio;
+    if further {
+        format!("a further law leaves {left:.0} % of the error in flight that remained: {text}")
+    } else {
+        format!("a law beyond the catalogue leaves {left:.0} % of the error in flight without it: {text}")
+    }
 }
 
 /// "the strength of `rotational_drag` also changes with the rate of rotation of `link0`, …".
@@ -226,6 +236,14 @@ impl OpenWorld {
         self.times_floor_after = Some(now.times_floor()).filter(|t| t.is_finite());
         self.at_floor_after = now.noise_floor_ci95.map(|_| now.reached_by(now.held_out_error));
         self.words = answer(self);
+    }
+
+    /// True if the laws leave hardly less in flight than a force or couple of constant size, which
+    /// is the best that was found without a law.
+    pub(crate) fn does_no_better_than_constant(&self, before: &HeldOutResult) -> bool {
+        let left = self.held_out_error_after / before.held_out_error;
+        let constant = |d: &Diagnosis| d.variable == CONSTANT && d.direction != Direction::Towards;
+        self.diagnosis.as_ref().is_some_and(|d| constant(d) && left > LITTLE_LESS * d.held_out_ratio)
     }
 
     /// Laws that leave no more than the floor as computed by all stages are the answer, whatever

@@ -1,7 +1,8 @@
 //! One formula: parsed, units checked, linear in the coefficients.
 
-use super::parse::{self, Problem};
+use super::parse::{self, Definition, Problem};
 use super::quantity::{QUANTITIES, Quantity, quantity};
+use super::spec::FormulaDefinition;
 use super::unit::Unit;
 use crate::{EffectsError, FormulaProblem, Scene};
 use exmex::{Express, FlatEx};
@@ -24,6 +25,44 @@ pub(super) struct Symbol {
     pub place: String,
 }
 
+/// An error in the formula `text` at `place` of an effect.
+fn wrong_formula(effect: &str, place: &str, text: &str, p: Problem) -> EffectsError {
+    EffectsError::Formula(Box::new(FormulaProblem {
+        effect: effect.to_owned(),
+        entry: place.to_owned(),
+        formula: text.to_owned(),
+        position: p.at,
+        problem: p.text,
+    }))
+}
+
+/// Unit of what a name stands for.
+fn unit_of(scene: &Scene, symbols: &[Symbol], definitions: &[Definition], name: &str) -> Result<Unit, String> {
+    let own = symbols.iter().find(|s| s.name == name).map(|s| s.unit);
+    own.or_else(|| quantity(scene, name).map(|(_, u)| u)).ok_or_else(|| {
+        let names = symbols.iter().map(|s| &s.name).chain(definitions.iter().map(|d| &d.name));
+        let own = names.map(String::as_str).collect::<Vec<_>>().join(" ");
+        format!("nothing is called `{name}`; there are {own}, {QUANTITIES}, and q_<link>, qd_<link> of hinges")
+    })
+}
+
+/// Parses the definitions of an effect and checks their units, each after those before it.
+pub(super) fn definitions(
+    effect: &str,
+    scene: &Scene,
+    symbols: &[Symbol],
+    given: &[FormulaDefinition],
+) -> Result<Vec<Definition>, EffectsError> {
+    let mut out: Vec<Definition> = Vec::new();
+    for (i, d) in given.iter().enumerate() {
+        let fail = |p: Problem| wrong_formula(effect, &format!("definitions[{i}].formula"), &d.formula, p);
+        let made = Definition::new(&d.name, &d.formula, &out).map_err(fail)?;
+        made.node.unit(&|name| unit_of(scene, symbols, &out, name)).map_err(fail)?;
+        out.push(made);
+    }
+    Ok(out)
+}
+
 #[derive(Debug)]
 pub(super) struct Law {
     expression: FlatEx<f64>,
@@ -38,20 +77,13 @@ impl Law {
         effect: &str,
         scene: &Scene,
         symbols: &[Symbol],
+        definitions: &[Definition],
         place: &str,
         text: &str,
         wanted: (&str, Unit),
     ) -> Result<Option<Self>, EffectsError> {
-        let fail = |p: Problem| {
-            EffectsError::Formula(Box::new(FormulaProblem {
-                effect: effect.to_owned(),
-                entry: place.to_owned(),
-                formula: text.to_owned(),
-                position: p.at,
-                problem: p.text,
-            }))
-        };
-        let node = parse::parse(text).map_err(fail)?;
+        let fail = |p: Problem| wrong_formula(effect, place, text, p);
+        let node = parse::parse(text).and_then(|node| node.with(definitions)).map_err(fail)?;
         let find = |name: &str| {
             symbols
                 .iter()
@@ -59,13 +91,7 @@ impl Law {
                 .map(|s| (s.source, s.unit))
                 .or_else(|| quantity(scene, name).map(|(q, u)| (Source::Quantity(q), u)))
         };
-        let lookup = |name: &str| {
-            find(name).map(|f| f.1).ok_or_else(|| {
-                let own = symbols.iter().map(|s| s.name.as_str()).collect::<Vec<_>>().join(" ");
-                format!("nothing is called `{name}`; there are {own}, {QUANTITIES}, and q_<link>, qd_<link> of hinges")
-            })
-        };
-        let unit = node.unit(&lookup).map_err(fail)?;
+        let unit = node.unit(&|name| unit_of(scene, symbols, definitions, name)).map_err(fail)?;
         if node.constant() == Some(0.0) {
             return Ok(None);
         }

@@ -28,7 +28,14 @@
 //!
 //! Vectors are in world axes, or in the link's with `axes: link` (positions always in the world);
 //! forces act at the point. A law on several links has `parts`, or one part with `link: all`, which
-//! acts on every link at that link's own point. Numbers with units are `constants`.
+//! acts on every link at that link's own point. Numbers with units are `constants`; formulas with a
+//! name are `definitions`, which the law and later definitions may use:
+//!
+//! ```yaml
+//! definitions:
+//! - { name: distance, formula: "sqrt(r_x^2 + r_y^2 + r_z^2)" }
+//! force: ["-k * r_x / distance", "-k * r_y / distance", "-k * r_z / distance"]
+//! ```
 //!
 //! Unknowns have a direction if their names imply one: consecutive coefficients `c_x`, `c_y` (and
 //! `c_z`) are the components of a vector, parameters `anchor_x` … or `pulley_x` … a position in the
@@ -42,7 +49,8 @@ mod spec;
 mod unit;
 
 pub use spec::{
-    FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaEffect, FormulaParameter, FormulaPart, FormulaPoint,
+    FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaDefinition, FormulaEffect, FormulaParameter, FormulaPart,
+    FormulaPoint,
 };
 
 use crate::{
@@ -104,9 +112,11 @@ impl FormulaEffect {
             symbols.push(Symbol { name: c.name.clone(), source: Source::Constant(c.value), unit, place });
         }
         self.check_names(scene, &symbols)?;
+        let definitions = law::definitions(&self.id, scene, &symbols, &self.definitions)?;
         let mut parts = Vec::new();
-        for (place, part) in self.laws() {
-            let places = self.places(scene, &place, &part.point)?;
+        let parts_of = self.laws();
+        for (place, part) in &parts_of {
+            let places = self.places(scene, place, &part.point)?;
             let mut laws = Vec::new();
             for (what, texts, unit) in [("force", &part.force, Unit::FORCE), ("moment", &part.moment, Unit::MOMENT)] {
                 for axis in 0..3 {
@@ -114,7 +124,7 @@ impl FormulaEffect {
                         None => None,
                         Some(texts) => {
                             let here = format!("{place}{what}[{axis}]");
-                            Law::new(&self.id, scene, &symbols, &here, &texts[axis], (what, unit))?
+                            Law::new(&self.id, scene, &symbols, &definitions, &here, &texts[axis], (what, unit))?
                         }
                     });
                 }
@@ -138,6 +148,16 @@ impl FormulaEffect {
         for s in symbols.iter().filter(|s| !matches!(s.source, Source::Constant(_))) {
             if !sources(&s.source) {
                 return Err(self.wrong(&format!("{}.name", s.place), format!("`{}` stands in no formula", s.name)));
+            }
+        }
+        let texts = || {
+            let laws = parts_of.iter().flat_map(|(_, p)| [&p.force, &p.moment]).flatten().flatten();
+            laws.chain(self.definitions.iter().map(|d| &d.formula))
+        };
+        for (i, d) in self.definitions.iter().enumerate() {
+            if !texts().any(|t| parse::parse(t).is_ok_and(|n| n.is_named(&d.name))) {
+                let text = format!("`{}` stands in no formula", d.name);
+                return Err(self.wrong(&format!("definitions[{i}].name"), text));
             }
         }
         Ok(CompiledFormula {
@@ -208,16 +228,19 @@ impl FormulaEffect {
     }
 
     fn check_names(&self, scene: &Scene, symbols: &[Symbol]) -> Result<(), EffectsError> {
-        for (i, s) in symbols.iter().enumerate() {
-            let place = format!("{}.name", s.place);
+        let unknowns = symbols.iter().map(|s| (s.name.as_str(), s.place.clone()));
+        let defined = self.definitions.iter().enumerate().map(|(i, d)| (d.name.as_str(), format!("definitions[{i}]")));
+        let all: Vec<(&str, String)> = unknowns.chain(defined).collect();
+        for (i, (name, place)) in all.iter().enumerate() {
+            let place = format!("{place}.name");
             let letter = |(j, c): (usize, char)| c == '_' || c.is_ascii_alphabetic() || (j > 0 && c.is_ascii_digit());
-            let word = !s.name.is_empty() && s.name.chars().enumerate().all(letter);
-            if !word || quantity(scene, &s.name).is_some() || parse::FUNCTIONS.contains(&s.name.as_str()) {
-                let text = format!("`{}` cannot be a name here: it is a quantity, a function, or no word", s.name);
+            let word = !name.is_empty() && name.chars().enumerate().all(letter);
+            if !word || quantity(scene, name).is_some() || parse::FUNCTIONS.contains(name) {
+                let text = format!("`{name}` cannot be a name here: it is a quantity, a function, or no word");
                 return Err(self.wrong(&place, text));
             }
-            if symbols[..i].iter().any(|other| other.name == s.name) {
-                return Err(self.wrong(&place, format!("two things have the name `{}`", s.name)));
+            if all[..i].iter().any(|(other, _)| other == name) {
+                return Err(self.wrong(&place, format!("two things have the name `{name}`")));
             }
         }
         Ok(())

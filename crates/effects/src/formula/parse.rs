@@ -25,6 +25,19 @@ pub(crate) struct Problem {
     pub text: String,
 }
 
+/// Most parts that a formula may have with its definitions in place.
+const MOST_PARTS: usize = 20_000;
+/// Most levels of parts inside each other.
+const MOST_LEVELS: usize = 1200;
+
+/// A named formula, its own definitions in place.
+pub(crate) struct Definition {
+    pub name: String,
+    pub node: Node,
+    parts: usize,
+    levels: usize,
+}
+
 /// Functions of one argument.
 pub(crate) const FUNCTIONS: [&str; 12] =
     ["sin", "cos", "tan", "asin", "acos", "atan", "tanh", "exp", "ln", "sqrt", "abs", "signum"];
@@ -203,6 +216,15 @@ impl Reader {
     }
 }
 
+impl Definition {
+    /// A formula `text` with a name; it may use the definitions `before` it.
+    pub fn new(name: &str, text: &str, before: &[Self]) -> Result<Self, Problem> {
+        let node = parse(text)?.with(before)?;
+        let [parts, levels] = node.extent(&[]);
+        Ok(Self { name: name.to_owned(), node, parts, levels })
+    }
+}
+
 impl Node {
     /// Unit of the formula, with the units of names from `lookup`.
     pub fn unit(&self, lookup: &dyn Fn(&str) -> Result<Unit, String>) -> Result<Unit, Problem> {
@@ -246,6 +268,62 @@ impl Node {
         }
     }
 
+    /// The formula with the definitions that it names in their place. What stands in place of a name
+    /// has the position of the name.
+    ///
+    /// # Errors
+    /// More than [`MOST_PARTS`] parts or [`MOST_LEVELS`] levels.
+    pub fn with(&self, definitions: &[Definition]) -> Result<Self, Problem> {
+        let [parts, levels] = self.extent(definitions);
+        if parts > MOST_PARTS || levels > MOST_LEVELS {
+            let text =
+                format!("with its definitions the formula has more than {MOST_PARTS} parts or {MOST_LEVELS} levels");
+            return problem(self.at, text);
+        }
+        Ok(self.replaced(definitions))
+    }
+
+    /// Parts and levels with the definitions in place.
+    fn extent(&self, definitions: &[Definition]) -> [usize; 2] {
+        match &self.kind {
+            Kind::Number(_) => [1, 1],
+            Kind::Name(name) => definitions.iter().find(|d| d.name == *name).map_or([1, 1], |d| [d.parts, d.levels]),
+            Kind::Negative(inner) | Kind::Call(_, inner) => inner.extent(definitions).map(|n| n + 1),
+            Kind::Binary(_, a, b) => {
+                let ([p, l], [q, m]) = (a.extent(definitions), b.extent(definitions));
+                [p + q + 1, l.max(m) + 1]
+            }
+        }
+    }
+
+    fn replaced(&self, definitions: &[Definition]) -> Self {
+        let inside = |n: &Self| Box::new(n.replaced(definitions));
+        let kind = match &self.kind {
+            Kind::Number(x) => Kind::Number(*x),
+            Kind::Name(name) => match definitions.iter().find(|d| d.name == *name) {
+                Some(d) => return d.node.placed(self.at),
+                None => Kind::Name(name.clone()),
+            },
+            Kind::Negative(n) => Kind::Negative(inside(n)),
+            Kind::Call(name, n) => Kind::Call(name.clone(), inside(n)),
+            Kind::Binary(op, a, b) => Kind::Binary(*op, inside(a), inside(b)),
+        };
+        Self { at: self.at, kind }
+    }
+
+    /// The same formula, every part at one position.
+    fn placed(&self, at: usize) -> Self {
+        let inside = |n: &Self| Box::new(n.placed(at));
+        let kind = match &self.kind {
+            Kind::Number(x) => Kind::Number(*x),
+            Kind::Name(name) => Kind::Name(name.clone()),
+            Kind::Negative(n) => Kind::Negative(inside(n)),
+            Kind::Call(name, n) => Kind::Call(name.clone(), inside(n)),
+            Kind::Binary(op, a, b) => Kind::Binary(*op, inside(a), inside(b)),
+        };
+        Self { at, kind }
+    }
+
     /// Value of a subexpression without names.
     pub fn constant(&self) -> Option<f64> {
         match &self.kind {
@@ -263,6 +341,13 @@ impl Node {
             }
             _ => None,
         }
+    }
+
+    /// True if the formula uses a name.
+    pub fn is_named(&self, wanted: &str) -> bool {
+        let mut all = Vec::new();
+        self.names(&mut all);
+        all.iter().any(|(name, _)| name == wanted)
     }
 
     /// All names in the formula, each with the position of its first occurrence.

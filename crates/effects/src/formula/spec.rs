@@ -37,6 +37,9 @@ pub struct FormulaEffect {
     /// Known numbers with units.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub constants: Vec<FormulaConstant>,
+    /// Formulas with a name, for use in the law and in later definitions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub definitions: Vec<FormulaDefinition>,
     /// Where it acts: `flight`, `contact` or `both`.
     #[serde(default = "both")]
     pub acts: ActsIn,
@@ -158,6 +161,17 @@ pub struct FormulaConstant {
     /// Value.
     #[schemars(range(min = -1e30, max = 1e30))]
     pub value: f64,
+}
+
+/// A formula with a name, which other formulas use in its place. Its unit follows from what it is
+/// made of. Quantities in it are those of the point and in the axes of the law that uses it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FormulaDefinition {
+    /// Name in the formulas.
+    pub name: String,
+    /// The formula; it may use the definitions before it.
+    pub formula: String,
 }
 
 impl FormulaEffect {

@@ -92,6 +92,71 @@ fn formulas_read_as_people_write() {
     });
 }
 
+/// A law with definitions is the law with what they stand for.
+#[test]
+fn definitions_stand_for_their_formulas() {
+    let fixture = Fixture::new(true);
+    let with = |force: &str, definitions: &[(&str, &str)]| {
+        let mut effect = sail();
+        effect.force = Some([force.into(), "0".into(), "-c*speed*v_z".into()]);
+        let named = definitions.iter();
+        effect.definitions =
+            named.map(|(name, f)| FormulaDefinition { name: (*name).into(), formula: (*f).into() }).collect();
+        effect
+    };
+    let square = [("s", "v_x^2 + v_y^2"), ("flat", "sqrt(s)")];
+    let short = with("-c * flat * v_x", &square).compile(&fixture.scene).unwrap();
+    let long = with("-c * sqrt(v_x^2 + v_y^2) * v_x", &[]).compile(&fixture.scene).unwrap();
+    fixture.with(|series| {
+        let [a, b] = [&short, &long].map(|e| fixture.columns(series, e, Target::Body, &[]));
+        for i in 0..series.len() {
+            assert_eq!(a.matrix(i), b.matrix(i));
+        }
+    });
+    // an error inside a definition is told with its place, one of its use with the law's
+    for (force, definitions, entry, position, words) in [
+        ("-c*flat*v_x", &[("flat", "sqrt(v_w)")][..], "definitions[0].formula", 5, "nothing is called `v_w`"),
+        ("-c*b*v_x", &[("b", "sqrt(a)"), ("a", "speed")][..], "definitions[0].formula", 5, "nothing is called `a`"),
+        ("-c*flat*v_x", &[("flat", "v_x + t")][..], "definitions[0].formula", 4, "units differ"),
+        ("-c*flat*v_x", &[("flat", "v_x^2")][..], "force[0]", 7, "the unit is"),
+        ("-flat*v_x", &[("flat", "abs(c)*speed")][..], "force[0]", 1, "not linear"),
+    ] {
+        match with(force, definitions).compile(&fixture.scene) {
+            Err(EffectsError::Formula(found)) => {
+                assert!(found.problem.contains(words), "{force}: {}", found.problem);
+                assert_eq!((found.entry.as_str(), found.position), (entry, position), "{force} {definitions:?}");
+            }
+            other => panic!("{force}: {other:?}"),
+        }
+    }
+    for (definitions, words) in [
+        (&[("flat", "speed"), ("other", "speed")][..], "`other` stands in no formula"),
+        (&[("flat", "speed"), ("flat", "speed")][..], "two things have the name"),
+        (&[("flat", "speed"), ("v_x", "speed")][..], "cannot be a name here"),
+        (&[("flat", "speed"), ("c", "speed")][..], "two things have the name"),
+    ] {
+        let told = with("-c*flat*v_x", definitions).compile(&fixture.scene).unwrap_err().to_string();
+        assert!(told.contains(words), "{told}");
+    }
+}
+
+/// Definitions that double in size each time end with an error instead of the memory.
+#[test]
+fn definitions_cannot_grow_without_bound() {
+    let fixture = Fixture::new(true);
+    let mut effect = sail();
+    let doubled = |i: usize| format!("d{i}*d{i}/d{i}");
+    effect.definitions = (0..64)
+        .map(|i| FormulaDefinition {
+            name: format!("d{i}"),
+            formula: if i == 0 { "speed".into() } else { doubled(i - 1) },
+        })
+        .collect();
+    effect.force = Some(["-c*d63*v_x".into(), "0".into(), "0".into()]);
+    let told = effect.compile(&fixture.scene).unwrap_err().to_string();
+    assert!(told.contains("more than 20000 parts"), "{told}");
+}
+
 /// Names give unknowns a direction: vectors among coefficients, known positions and winds among
 /// parameters, and two coefficients of either sign if nothing else has one.
 #[test]
