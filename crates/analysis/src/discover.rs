@@ -414,8 +414,8 @@ fn found(
         found.advice.insert(0, words);
     }
     let named = matches!(found.verdict, Verdict::Supported | Verdict::OneOf);
-    // laws that leave flights at their floor, and contact at its floor or far below what a wrong mass
-    // or plate would leave, explain what looks like a wrong mass
+    // laws that leave flights at their floor, and contact at its floor or far below what a wrong
+    // mass or plate would leave, explain what looks like a wrong mass
     let at_floor = |place| errors_after.iter().any(|e| e.judged_on == place && e.at_floor == Some(true));
     let complete = found.open.as_ref().is_some_and(|o| o.complete && !o.laws.is_empty());
     let by_laws =

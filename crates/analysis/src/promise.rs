@@ -57,10 +57,6 @@ pub(crate) fn promised(
         own_effects.push(OwnEffect::described(&law.effect)?);
     }
     on_a_copy(SubjectSession { effects, own_effects, ..with }, &Silent, Keep::Forecast, |done| {
-        // a stage that failed has left the results of the model without the effects
-        if !freshness(done)?.is_current() {
-            return Err(PipelineError::request("the model with these effects could not be computed"));
-        }
         let place = Workspace::open(&done.workspace).place("identify", WHOLE_STUDY);
         let file = place.join(parameters_file(done.config.regressor.rows));
         let coefficients = if file.is_file() { read_json::<Parameters>(&file)?.effects } else { Vec::new() };
@@ -221,7 +217,12 @@ pub(crate) fn on_a_copy<T>(
     let original = Workspace::open(&changed.workspace);
     let with = SubjectSession { workspace: copy.path().to_path_buf(), ..changed };
     let lock = Workspace::open(copy.path()).lock(Duration::ZERO)?;
-    run_held(&with, &lock, progress)?;
+    let report = run_held(&with, &lock, progress)?;
+    // a stage that failed has left the results of the model before
+    if !freshness(&with)?.is_current() {
+        let failed: Vec<String> = report.failures().map(|(_, f)| f.problem.clone()).collect();
+        return Err(PipelineError::request(format!("the model could not be computed: {}", failed.join("; "))));
+    }
     let out = read(&with);
     if keep == Keep::Forecast && out.is_ok() {
         ready_made::keep(&with, &Workspace::open(copy.path()), &original, FORECAST);

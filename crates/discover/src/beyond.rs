@@ -15,6 +15,7 @@ use crate::result::{AgainstLaw, Discovery, Verdict};
 use crate::session::Session;
 use crate::wording;
 use aloft_effects::{Effect, EffectInstance};
+use aloft_regressor::POOR_TIMES_FLOOR;
 
 /// Share of the error that named effects leave within the floor's interval, above which laws do not
 /// take their place.
@@ -116,9 +117,9 @@ pub(crate) fn look_beyond(
     }
     // errors of the time base or of lengths look like a constant force in flight, and like many
     // things in contact
-    if let Some(model_error) = &session.model_error[0]
-        && staged.and_then(|s| s[1]).is_some_and(|e| e.is_far())
-        && open.does_no_better_than_constant(model_error)
+    if let (Some(model_error), Some([Some(flights), Some(contact)])) = (&session.model_error[0], staged)
+        && contact.times_floor() > POOR_TIMES_FLOOR
+        && open.does_no_better_than_constant(flights.held_out_error / model_error.held_out_error)
     {
         open.without_laws(model_error);
         open.times_floor_in_contact = None;

@@ -238,10 +238,9 @@ impl OpenWorld {
         self.words = answer(self);
     }
 
-    /// True if the laws leave hardly less in flight than a force or couple of constant size, which
-    /// is the best that was found without a law.
-    pub(crate) fn does_no_better_than_constant(&self, before: &HeldOutResult) -> bool {
-        let left = self.held_out_error_after / before.held_out_error;
+    /// True if laws that leave the share `left` of the error in flight do hardly better than a force
+    /// or couple of constant size, which is the best that was found without a law.
+    pub(crate) fn does_no_better_than_constant(&self, left: f64) -> bool {
         let constant = |d: &Diagnosis| d.variable == CONSTANT && d.direction != Direction::Towards;
         self.diagnosis.as_ref().is_some_and(|d| constant(d) && left > LITTLE_LESS * d.held_out_ratio)
     }

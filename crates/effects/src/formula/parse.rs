@@ -268,8 +268,8 @@ impl Node {
         }
     }
 
-    /// The formula with the definitions that it names in their place. What stands in place of a name
-    /// has the position of the name.
+    /// The formula with the definitions that it names in their place. What stands in place of a
+    /// name has the position of the name.
     ///
     /// # Errors
     /// More than [`MOST_PARTS`] parts or [`MOST_LEVELS`] levels.
