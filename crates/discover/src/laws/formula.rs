@@ -3,7 +3,8 @@
 
 use super::kinematics::{Action, Carrier, Direction, Variable};
 use super::law::{Factor, Law, factor_name};
-use super::shape::Shape;
+use super::shape::{KNOTS, Shape};
+use crate::wording::digits;
 use aloft_effects::{
     ActsIn, Effect, EffectKind, FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaDefinition, FormulaEffect,
     FormulaParameter, FormulaPoint, Scene, Target,
@@ -118,7 +119,7 @@ impl Law {
     }
 
     /// The strength along the direction as one line, for people: variables by name, units of 1 left
-    /// out.
+    /// out, and the places of a curve's values.
     pub fn strength(&self, scene: &Scene) -> String {
         let mut terms = vec![String::new()];
         for (i, f) in self.factors.iter().enumerate() {
@@ -141,7 +142,17 @@ impl Law {
                 .collect();
         }
         let names = (0..terms.len()).map(|j| self.term_name(j));
-        names.zip(&terms).map(|(n, t)| format!("{n}{t}")).collect::<Vec<_>>().join(" + ")
+        let sum = names.zip(&terms).map(|(n, t)| format!("{n}{t}")).collect::<Vec<_>>().join(" + ");
+        let curves = self.factors.iter().filter(|f| f.shape == Shape::Curve);
+        let steps = curves.map(|f| {
+            let (low, step) = (f.range.low, f.range.width() / (KNOTS - 1) as f64);
+            let x = f.variable.formula(scene);
+            let unit =
+                Some(f.variable.unit_in_words(scene)).filter(|u| *u != "1").map_or(String::new(), |u| format!(" {u}"));
+            let [from, to, by] = [low, f.range.high, step].map(|v| digits(v, 3));
+            format!("; hat0 to hat{} stand at {x} = {from} to {to}{unit}, in steps of {by}", KNOTS - 1)
+        });
+        sum + &steps.collect::<String>()
     }
 
     /// Component `axis` of the direction's unit vector `k` as a formula; `None` where it is zero.

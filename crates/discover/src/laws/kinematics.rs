@@ -27,6 +27,16 @@ impl Carrier {
             Self::Link(i) => scene.model.links.get(i).map_or_else(|| format!("link{i}"), |l| l.name.clone()),
         }
     }
+    /// The other ones among these, each once, in their order.
+    pub(super) fn others(self, carriers: impl Iterator<Item = Self>) -> Vec<Self> {
+        let mut out: Vec<Self> = Vec::new();
+        for other in carriers {
+            if other != self && !out.contains(&other) {
+                out.push(other);
+            }
+        }
+        out
+    }
     /// Index of the link whose axes are "link axes".
     pub fn link(self) -> usize {
         match self {

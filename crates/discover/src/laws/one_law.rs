@@ -78,13 +78,8 @@ pub(super) fn one_law(
     }
     let best = fit::simplify(session, problem, best);
     let rival = laws.iter().find(|l| !l.is_like(&best)).cloned();
-    let mut also: Vec<Carrier> = Vec::new();
-    for l in &laws {
-        let near = l.law.action == best.law.action && l.error() <= ALSO * ALSO * best.error();
-        if near && l.law.carrier != best.law.carrier && !also.contains(&l.law.carrier) {
-            also.push(l.law.carrier);
-        }
-    }
+    let near = |l: &&Fitted| l.law.action == best.law.action && l.error() <= ALSO * ALSO * best.error();
+    let also = best.law.carrier.others(laws.iter().filter(near).map(|l| l.law.carrier));
     Some(OneLaw { best, rival, also })
 }
 

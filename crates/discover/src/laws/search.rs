@@ -395,15 +395,10 @@ fn diagnose(session: &Session<'_>, problem: &Problem, atlas: &Atlas, p: f64) -> 
     let dependence_p = (g.variable != Variable::None)
         .then(|| sign_flip_p(&g.score.errors, constant.map_or(&plain, |c| &c.score.errors), 2000, 0x7157));
     let near = |o: &&Group| o.action == g.action && o.score.ratio <= ALSO * ALSO * best.score.ratio;
-    let mut also: Vec<String> = Vec::new();
-    for other in atlas.groups.iter().filter(near).map(|o| o.carrier.name(scene)) {
-        if other != g.carrier.name(scene) && !also.contains(&other) {
-            also.push(other);
-        }
-    }
+    let also = g.carrier.others(atlas.groups.iter().filter(near).map(|o| o.carrier));
     let mut out = Diagnosis {
         carrier: g.carrier.name(scene),
-        also,
+        also: also.into_iter().map(|c| c.name(scene)).collect(),
         action: g.action,
         direction: g.direction,
         variable: variable_of(g, scene),

@@ -228,13 +228,13 @@ impl Shape {
             Self::Curve => {
                 // linear interpolation between equal steps, constant outside of them
                 let step = range.width() / (KNOTS - 1) as f64;
-                let knot = |k: usize| format!("abs({x}/one-({}))", range.low + step * k as f64);
-                let slope = |k: usize| format!("({}-{})/{}", knot(k), knot(k + 1), 2.0 * step);
+                let from = |k: usize| format!("abs({x}/one-({}))", range.low + step * k as f64);
+                let double = 2.0 * step;
                 (0..KNOTS)
                     .map(|k| match k {
-                        0 => format!("(0.5-({}))", slope(0)),
-                        k if k == KNOTS - 1 => format!("(0.5+{})", slope(k - 1)),
-                        k => format!("({}-({}))", slope(k - 1), slope(k)),
+                        0 => format!("0.5-({}-{})/{double}", from(0), from(1)),
+                        k if k == KNOTS - 1 => format!("0.5+({}-{})/{double}", from(k - 1), from(k)),
+                        k => format!("({}-2*{}+{})/{double}", from(k - 1), from(k), from(k + 1)),
                     })
                     .collect()
             }

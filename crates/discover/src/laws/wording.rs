@@ -338,4 +338,31 @@ mod tests {
         let part = OpenWorld { complete: false, ..open(Some(1.2), Some(true)) };
         assert_eq!(lead(&part), "part of the error follows a law outside the catalogue");
     }
+
+    #[test]
+    fn a_law_has_to_do_better_than_a_force_of_constant_size() {
+        let constant = Diagnosis {
+            carrier: "body".to_owned(),
+            also: Vec::new(),
+            action: Action::Force,
+            direction: Direction::World,
+            variable: CONSTANT.to_owned(),
+            held_out_ratio: 0.05,
+            removes: 0.95,
+            family_wise_p: 0.01,
+            constant_ratio: None,
+            dependence_p: None,
+            curve: Vec::new(),
+            text: String::new(),
+        };
+        let found = |d: &Diagnosis| OpenWorld { diagnosis: Some(d.clone()), ..open(Some(2.0), Some(false)) };
+        assert!(found(&constant).does_no_better_than_constant(0.052));
+        assert!(!found(&constant).does_no_better_than_constant(0.03));
+        // a pull towards a point, or one that changes, is no error of the time base
+        let pull = Diagnosis { direction: Direction::Towards, ..constant.clone() };
+        assert!(!found(&pull).does_no_better_than_constant(0.052));
+        let field = Diagnosis { variable: "r_z".to_owned(), ..constant };
+        assert!(!found(&field).does_no_better_than_constant(0.052));
+        assert!(!open(None, None).does_no_better_than_constant(0.052));
+    }
 }
