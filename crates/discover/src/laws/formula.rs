@@ -150,7 +150,7 @@ impl Law {
             let unit =
                 Some(f.variable.unit_in_words(scene)).filter(|u| *u != "1").map_or(String::new(), |u| format!(" {u}"));
             let [from, to, by] = [low, f.range.high, step].map(|v| digits(v, 3));
-            format!("; hat0 to hat{} stand at {x} = {from} to {to}{unit}, in steps of {by}", KNOTS - 1)
+            format!("; hat0 to hat{} peak at {x} = {from} to {to}{unit}, in steps of {by}", KNOTS - 1)
         });
         sum + &steps.collect::<String>()
     }
