@@ -238,8 +238,8 @@ impl OpenWorld {
         self.words = answer(self);
     }
 
-    /// True if laws that leave the share `left` of the error in flight do hardly better than a force
-    /// or couple of constant size, which is the best that was found without a law.
+    /// True if laws that leave the share `left` of the error in flight do hardly better than a
+    /// force or couple of constant size, which is the best that was found without a law.
     pub(crate) fn does_no_better_than_constant(&self, left: f64) -> bool {
         let constant = |d: &Diagnosis| d.variable == CONSTANT && d.direction != Direction::Towards;
         self.diagnosis.as_ref().is_some_and(|d| constant(d) && left > LITTLE_LESS * d.held_out_ratio)
