@@ -223,7 +223,7 @@ mod tests {
     use aloft_body::Phi;
     use nalgebra::Vector3;
 
-    /// Whatever the search may state can be added to a model, curves and products among it.
+    /// Forces of all directions and shapes, alone and as products, compile as effects.
     #[test]
     fn every_law_is_a_valid_effect_of_the_user() -> Result<(), Box<dyn std::error::Error>> {
         let model = trunk_and_arm([0.0, 0.25, 0.02])?;
