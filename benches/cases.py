@@ -13,21 +13,12 @@ import argparse
 import json
 import re
 import shlex
-import shutil
 import tempfile
 from pathlib import Path
 
-from laboratory import ROOT, call
+from laboratory import ROOT, call, copied, proposed
 
 ROUNDS = 5
-
-
-def copied(kind, place, given):
-    """A copy of the configured pipeline whose references to other files stay valid."""
-    source = Path(given) if given else ROOT / f"pipelines/{kind}.yaml"
-    shutil.copytree(ROOT / "configs", place / "configs")
-    (place / "pipelines").mkdir()
-    return Path(shutil.copy(source, place / "pipelines"))
 
 
 def standing(aloft, pipeline, at):
@@ -47,7 +38,7 @@ def follow(aloft, file, seed, given):
     line = {"case": file.stem, "seed": seed, "steps": []}
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
-        pipeline = copied(kind, place, given)
+        pipeline = copied(given or ROOT / f"pipelines/{kind}.yaml", place)
         at = ["--data", place / "data", "--workspace", place / "results"]
         made = [
             ["simulate", file, "--out", place / "data", *(["--seed", seed] if seed else [])],
@@ -63,13 +54,10 @@ def follow(aloft, file, seed, given):
             step = {"errors": errors, "verdict": found["verdict"], "groups": [g["effects"] for g in found["groups"]], "words": found["words"]}
             step.update({"to_correct": correct} if correct else {})
             line["steps"].append(step)
-            said = call(aloft, "discover", pipeline, *at)
-            text = re.sub(r"\\\n\s*", " ", said.stdout + said.stderr)
-            proposed = re.search(r"^\s*next\W+aloft (effect add .*)$", text, re.MULTILINE)
-            if not proposed:
+            words = proposed(aloft, pipeline, at)
+            if not words:
                 break
-            step["added"] = proposed.group(1)
-            words = shlex.split(step["added"])
+            step["added"] = shlex.join(words)
             done = call(aloft, *words)
             if done.returncode:
                 step["refused"] = done.stderr[-400:]

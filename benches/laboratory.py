@@ -3,6 +3,8 @@
 import hashlib
 import json
 import math
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -33,6 +35,21 @@ def call(aloft, *args):
     return subprocess.run([aloft, *map(str, args)], capture_output=True, text=True)
 
 
+def copied(pipeline, place):
+    """A copy of a pipeline whose references to other files stay valid: what is added to it stays in `place`."""
+    shutil.copytree(ROOT / "configs", place / "configs")
+    (place / "pipelines").mkdir()
+    return Path(shutil.copy(pipeline, place / "pipelines"))
+
+
+def proposed(aloft, pipeline, at):
+    """The words of the `effect add` that the program proposes next, from the answer that it holds; None if it proposes none."""
+    said = call(aloft, "compare", pipeline, *at)
+    text = re.sub(r"\\\n\s*", " ", said.stdout + said.stderr)
+    found = re.search(r"^\s*next\W+aloft (effect add .*)$", text, re.MULTILINE)
+    return shlex.split(found.group(1)) if found else None
+
+
 def prepare(aloft, place, scenarios, seed):
     """The folder of recordings; of two scenarios, recordings 1-2 of the first and 3-5 of the second."""
     folders = []
@@ -60,6 +77,17 @@ def interval(k, n):
     middle = (p + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
     return f"{100 * p:.0f} % ({100 * max(middle - half, 0):.0f}-{100 * min(middle + half, 1):.0f})"
+
+
+def following(lines):
+    """Prints how often the proposed `effect add` could be run, and led to the error that `discover` had promised."""
+    made = [line["followed"] for line in lines if line.get("followed")]
+    if not made:
+        return
+    worst = [max((error / f["promised"][of] for of, error in f["errors"].items() if f["promised"].get(of)), default=float("nan")) for f in made if "errors" in f]
+    kept = sum(ratio <= 1.02 for ratio in worst)
+    print(f"\n`effect add` was proposed for {len(made)} sets and refused for {len(made) - len(worst)}; the error after it is at most 2 % above the "
+          f"promised one, in flight and in contact, for {interval(kept, len(worst))}; the largest ratio is {max(worst, default=float('nan')):.3f}")
 
 
 def session(kind, rng):
@@ -95,6 +123,7 @@ class Laboratories:
         self.out, self.lock = Path(args.out), threading.Lock()
         self.places = OrderedDict()
         self.kept = Path(args.keep) if getattr(args, "keep", None) else None
+        self.follows = getattr(args, "follow", False)
         self.out.mkdir(parents=True, exist_ok=True)
         self.digest = hashlib.sha256(Path(self.aloft).read_bytes()).hexdigest()[:12]
 
@@ -165,7 +194,28 @@ class Laboratories:
         kept["found"] = [f["key"] for f in found.get("found", [])]
         kept["also_on"] = {f["key"]: f.get("also_on", []) for f in found.get("found", [])}
         kept["estimates"] = {f"{f['key']}.{c['name']}": [c["value"], *(c["ci95"] or [None, None])] for f in found.get("found", []) for c in f["coefficients"]}
-        return {"held_out": error, "floor": floor, "discover_s": round(time.time() - start, 2), "answer": kept}
+        line = {"held_out": error, "floor": floor, "discover_s": round(time.time() - start, 2), "answer": kept}
+        if self.follows:
+            line["followed"] = self.followed(folder, found)
+        return line
+
+    def followed(self, folder, found):
+        """What the command proposed next adds, in a copy of the folder: the errors that were promised and those that all stages compute.
+        None if nothing is proposed."""
+        with tempfile.TemporaryDirectory() as copy:
+            place = Path(copy) / "set"
+            shutil.copytree(folder.name, place)
+            data = sorted(place.glob("data*"))[-1]
+            pipeline, at = copied(self.pipeline, place), ["--data", data, "--workspace", place / "ws"]
+            words = proposed(self.aloft, pipeline, at)
+            if not words:
+                return None
+            done = call(self.aloft, *words)
+            if done.returncode:
+                return {"added": words[-1], "refused": done.stderr[-500:]}
+            view = json.loads(call(self.aloft, "compare", pipeline, *at, "--json").stdout)
+            promised = {e["judged_on"]: e["held_out_error"] for e in found.get("errors_after", [])}
+            return {"added": words[-1], "promised": promised, "errors": {of: error for of, (error, _) in self.held_out(view).items()}}
 
     def scale_for(self, scenarios_at, seed, twin, wanted, guess, judged_on="flight"):
         """Scale of what is hidden at which the error is `wanted` times that of the twin: (scale, strength) or None.

@@ -39,7 +39,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import law_population
-from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, interval, read_lines, session
+from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, following, interval, read_lines, session
 
 FORMULA_WITHIN = 1.3
 MOST_LINKS = 3
@@ -224,6 +224,7 @@ def score(folders):
             cells = [interval(sum(what in j for j in usable), n) if what != "not usable" else str(len(group) - n) for what in NAMED]
             wrong = interval(sum(bool(j & {"catalogue", "wrong law"}) for j in usable), n)
             print(f"| {name} | {n} | " + " | ".join(cells) + f" | {wrong} |")
+        following(of_kind)
         times = sorted(line["discover_s"] for line in of_kind if "discover_s" in line)
         off = [line["set"] for line in hidden if "answer" in line and abs(line["held_out"] / line["twin"] / line["strength"] - 1) > TOLERANCE]
         if times:
@@ -243,6 +244,7 @@ def main():
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out")
     parser.add_argument("--keep", metavar="FOLDER", help="keep the recordings and workspace of each set in this folder")
+    parser.add_argument("--follow", action="store_true", help="also run the `effect add` that is proposed, and keep the error after it")
     parser.add_argument("--from", dest="origin", help="take laws and their scales from this folder")
     parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
     parser.add_argument("--list", action="store_true", help="only print the laws drawn")

@@ -38,7 +38,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, interval, read_lines, session
+from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, following, interval, read_lines, session
 
 OUTCOMES = ["right", "class", "wide class", "partial", "unexplained", "missed", "wrong"]
 ON_PLATES = {"plate_time_offset", "plate_gain", "body_mass"}
@@ -308,6 +308,7 @@ def score(folders):
         unusable = sum("answer" not in line for line in of_body)
         intervals(hidden)
         links(hidden)
+        following(of_body)
         if times_s:
             print(f"\ndiscover: median {times_s[len(times_s) // 2]:.1f} s, longest {times_s[-1]:.1f} s; not usable: {unusable}; "
                   f"strength off by more than {TOLERANCE:.0%}: {', '.join(off) or 'none'}")
@@ -368,6 +369,7 @@ def main():
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out")
     parser.add_argument("--keep", metavar="FOLDER", help="keep the recordings and workspace of each set in this folder")
+    parser.add_argument("--follow", action="store_true", help="also run the `effect add` that is proposed, and keep the error after it")
     parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
     args = parser.parse_args()
     if args.score:

@@ -309,10 +309,6 @@ pub struct DiscoveryView {
     /// The same with all effects found added to the model; empty if none was found or if the
     /// results were not up to date.
     pub errors_after: Vec<HeldOutError>,
-    /// What to correct before the answer and its sizes can be trusted; none where nothing has to
-    /// be. It is the first piece of advice, too.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub to_correct: Option<String>,
 }
 
 /// Ranks the catalogue and the study's own effects against the present model, and stores the answer
@@ -405,14 +401,6 @@ fn found(
         let calendar = Calendar::of(session, &Workspace::open(&session.workspace));
         found.advice.push(format!("`{}` rests on the times of the session, from {}", c.effect, calendar.words));
     }
-    // free fall is checked without any plate or model, so it is stated before any verdict: one
-    // error of the time base or of the length scale shows up in several effects
-    let shows = |id: &String| aloft_effects::effect(id).is_ok_and(|e| e.about().shows_in_free_fall);
-    if found.effects.iter().any(shows)
-        && let Some(words) = free_fall(session)?
-    {
-        found.advice.insert(0, words);
-    }
     let named = matches!(found.verdict, Verdict::Supported | Verdict::OneOf);
     // laws that leave flights at their floor, and contact at its floor or far below what a wrong
     // mass or plate would leave, explain what looks like a wrong mass
@@ -420,19 +408,25 @@ fn found(
     let complete = found.open.as_ref().is_some_and(|o| o.complete && !o.laws.is_empty());
     let by_laws =
         complete && at_floor("flight") && (at_floor("contact") || least_in_contact(&found, &errors, &errors_after));
-    let to_correct = to_correct.filter(|c| c.void || !named);
-    if let Some(wrong) = to_correct.as_ref().filter(|_| by_laws) {
-        found.advice.push(format!("if the law is not real: {}", wrong.words));
-    }
-    let to_correct = to_correct.filter(|_| !by_laws);
-    let first = to_correct.as_ref().map(|c| c.words.clone());
-    if let Some(wrong) = to_correct {
-        // errors that cannot be judged leave nothing unexplained, either
-        if wrong.void && found.verdict == Verdict::Unexplained {
-            found.verdict = Verdict::NotDetectable;
+    // an effect of gravity's size or direction is another name of what has to be corrected
+    let shows = |id: &String| aloft_effects::effect(id).is_ok_and(|e| e.about().shows_in_free_fall);
+    let of_gravity = found.effects.iter().any(shows);
+    let to_correct = to_correct.filter(|c| c.void || !named || (c.first && of_gravity));
+    match to_correct {
+        Some(wrong) if by_laws => found.advice.push(format!("if the law is not real: {}", wrong.words)),
+        Some(wrong) => {
+            // errors that cannot be judged leave nothing unexplained, either
+            if wrong.void && found.verdict == Verdict::Unexplained {
+                found.verdict = Verdict::NotDetectable;
+            }
+            doubt(&mut found, &wrong.words);
+            found.advice.insert(0, wrong.words.clone());
+            found.to_correct = Some(wrong.words);
         }
-        doubt(&mut found, &wrong.words);
-        found.advice.insert(0, wrong.words);
+        // free fall is checked without any plate or model: one error of the time base or of the
+        // length scale shows up in several effects
+        None if of_gravity => found.advice.splice(..0, free_fall(session)?).for_each(drop),
+        None => {}
     }
     if found.verdict == Verdict::NothingMissing
         && let Some(words) = errors.iter().find(|e| e.judged_on == "flight").and_then(wide_floor)
@@ -471,7 +465,7 @@ fn found(
     }
     seal::write_whole(&place, &answer)?;
     seal::write_whole(&session.workspace.join("discovery_volume.json"), &volume)?;
-    Ok(DiscoveryView { discovery: answer.answer, errors, errors_after: answer.errors_after, to_correct: first })
+    Ok(DiscoveryView { discovery: answer.answer, errors, errors_after: answer.errors_after })
 }
 
 /// An answer that nothing is missing does not stand beside what contradicts it, and what

@@ -111,6 +111,15 @@ pub struct EffectPage {
     pub documentation: String,
 }
 
+impl EffectPage {
+    /// The whole page as Markdown, headed by title and identifier.
+    pub fn markdown(&self) -> String {
+        let Self { id, title, documentation } = self;
+        let heading = if title.is_empty() { id.clone() } else { format!("{title} ({id})") };
+        format!("# {heading}\n\n{documentation}")
+    }
+}
+
 /// Documentation of one effect with its coefficients, units and bounds. The effect is one of the
 /// catalogue, of the pipeline, or a built-in example.
 pub fn show(id: &str, pipeline: Option<&Path>) -> Result<EffectPage, PipelineError> {

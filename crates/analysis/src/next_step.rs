@@ -12,7 +12,12 @@ pub enum NextStep {
     /// Bring the results up to date.
     Run,
     /// Correct what the sentence says, and run again: nothing else can be trusted before.
-    Correct(String),
+    Correct {
+        /// What to correct.
+        what: String,
+        /// True if `aloft check` offers the correction.
+        offered: bool,
+    },
     /// Record what the sentence says; nothing can be asked of these recordings.
     Record(String),
     /// Ask which effect is missing.
@@ -65,24 +70,17 @@ pub fn next_step(session: &SubjectSession, view: &ComparisonView, current: bool)
 /// The next step, given the answer of `discover` for the present model and results (none if it was
 /// not asked) and the keys of the effects that the model holds.
 pub fn step(view: &ComparisonView, answer: Option<&Discovery>, held: &[&str]) -> NextStep {
-    // an effect of gravity's size or direction is another name of what has to be corrected
-    let same = |id: &String| aloft_effects::effect(id).is_ok_and(|e| e.about().shows_in_free_fall);
-    let named = |d: &Discovery| {
-        matches!(d.verdict, Verdict::Supported | Verdict::OneOf)
-            && !(view.to_correct.as_ref().is_some_and(|c| c.first) && d.effects.iter().any(same))
+    let known = view.to_correct.as_ref();
+    let what = match answer {
+        Some(d) => d.to_correct.clone(),
+        None => known.filter(|c| c.void || c.first).map(|c| c.words.clone()),
     };
-    // a correction that voids all errors is no answer beside laws that explain what it rests on
-    let by_laws = |d: &Discovery| {
-        d.verdict == Verdict::Unexplained && d.open.as_ref().is_some_and(|o| o.complete && !o.laws.is_empty())
-    };
-    if let Some(c) = view.to_correct.as_ref().filter(|c| !(c.void && answer.is_some_and(by_laws)))
-        && (c.void || c.first && !answer.is_some_and(named) || answer.is_some_and(|d| !named(d)))
-    {
-        return NextStep::Correct(c.words.clone());
+    if let Some(what) = what {
+        return NextStep::Correct { what, offered: known.is_some_and(|c| c.offered) };
     }
     let record = view.parameters.to_do.clone();
     if let (true, Some(prior)) = (view.parameters.held_by_prior, &record) {
-        return NextStep::Correct(prior.clone());
+        return NextStep::Correct { what: prior.clone(), offered: false };
     }
     let Some(d) = answer else {
         return match (is_above(view), view.too_few_to_ask()) {

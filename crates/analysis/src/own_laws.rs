@@ -25,7 +25,7 @@ const QUANTITIES: [(&str, &str); 18] = [
     ("tilt_x tilt_y tilt_z", "1"),
     ("com_x com_y com_z", "m"),
     ("comv_x comv_y comv_z", "m/s"),
-    ("t since_start to_end", "s"),
+    ("t since_start since_landing to_end", "s"),
     ("mass link_mass", "kg"),
     ("area_share", "1"),
     ("air_density", "kg/m^3"),

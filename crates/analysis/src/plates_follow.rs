@@ -96,5 +96,5 @@ pub(crate) fn plates_follow(ws: &Workspace, trials: &[TrialComparison], model: &
             significant(least, 2)
         )
     };
-    Some(ToCorrect { words, first: !known.is_empty(), void: false })
+    Some(ToCorrect { words, first: !known.is_empty(), void: false, offered: false })
 }

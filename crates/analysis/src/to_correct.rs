@@ -48,6 +48,8 @@ pub struct ToCorrect {
     pub first: bool,
     /// True if no error of the comparison can be judged until then.
     pub void: bool,
+    /// True if `aloft check` offers the correction.
+    pub offered: bool,
 }
 
 /// The first contradiction; none if there is none.
@@ -61,7 +63,7 @@ pub(crate) fn to_correct(
 ) -> Option<ToCorrect> {
     let wrong_mass = || {
         let words = impulse?.wrong.clone()?;
-        Some(ToCorrect { words, first: true, void: true })
+        Some(ToCorrect { words, first: true, void: true, offered: false })
     };
     markers(comparison, rows, weight_n)
         .or_else(|| of_static(ws))
@@ -75,7 +77,12 @@ pub(crate) fn to_correct(
 /// Labels of the static trial.
 pub(crate) fn of_static(ws: &Workspace) -> Option<ToCorrect> {
     let words = static_labels(ws)?;
-    Some(ToCorrect { words: format!("check the labels of the static trial: {words}"), first: true, void: false })
+    Some(ToCorrect {
+        words: format!("check the labels of the static trial: {words}"),
+        first: true,
+        void: false,
+        offered: false,
+    })
 }
 
 /// Labels that contradict the anatomy in the static trial.
@@ -119,7 +126,7 @@ fn markers(comparison: &Comparison, rows: &[KinematicsRow], weight_n: f64) -> Op
         significant(floor_n, 3),
         100.0 * share
     );
-    Some(ToCorrect { words, first: true, void: true })
+    Some(ToCorrect { words, first: true, void: true, offered: false })
 }
 
 /// Free fall of one recording.
@@ -158,7 +165,7 @@ fn of_falls(falls: &[Fall]) -> Option<ToCorrect> {
                 "correct the vertical: in flight the centre of mass falls {leans:.0}° off the stated vertical in {differ} of {n} recordings \
                  (`import: {{up_axis: …}}`; `aloft check` says what gravity, plates and feet show)"
             );
-            return Some(ToCorrect { words, first: leans > LEANS_DEG[0], void: false });
+            return Some(ToCorrect { words, first: leans > LEANS_DEG[0], void: false, offered: true });
         }
         if (ratio - 1.0).abs() > FALL_DIFFERS {
             let words = format!(
@@ -166,7 +173,7 @@ fn of_falls(falls: &[Fall]) -> Option<ToCorrect> {
                  in {differ} of {n} recordings (`aloft check` offers a correction; a steady force on the body would show as well)",
                 significant(ratio, 3)
             );
-            return Some(ToCorrect { words, first: (ratio - 1.0).abs() > FALL_GROSS, void: false });
+            return Some(ToCorrect { words, first: (ratio - 1.0).abs() > FALL_GROSS, void: false, offered: true });
         }
     }
     // a few recordings among others that agree
@@ -181,7 +188,7 @@ fn of_falls(falls: &[Fall]) -> Option<ToCorrect> {
         names.join(", "),
         significant(ratio, 3)
     );
-    Some(ToCorrect { words, first: true, void: false })
+    Some(ToCorrect { words, first: true, void: false, offered: false })
 }
 
 /// Recordings in which the model fits the flights and not the plates.
@@ -215,6 +222,7 @@ fn plates(trials: &[TrialComparison], weight_n: f64) -> Option<ToCorrect> {
         ),
         first: false,
         void: false,
+        offered: false,
     })
 }
 

@@ -302,7 +302,7 @@ fn effects(action: EffectAction) -> Result<Success, Stop> {
         EffectAction::Show { words } => {
             let (name, pipeline) = name_and_pipeline(&words);
             let found = effect::show(name, pipeline)?;
-            out(markdown(&format!("# {} ({})\n\n{}", found.title, found.id, found.documentation)))?;
+            out(markdown(&found.markdown()))?;
             Ok(Success::Full)
         }
         EffectAction::Add { pipeline, name, set, details, wait } => {
@@ -374,7 +374,7 @@ fn change_effects(
     }
     match steps.as_slice() {
         [(_, NextStep::Advised(advice))] => note(format!("advice: {advice}")),
-        [(_, NextStep::Correct(what))] => note(format!("first: {what}")),
+        [(_, NextStep::Correct { what, .. })] => note(format!("first: {what}")),
         _ => {}
     }
     command("next", &next::for_all(&steps, args));

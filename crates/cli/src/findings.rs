@@ -73,14 +73,14 @@ fn names(list: &[String]) -> String {
 pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     let d = &view.discovery;
     out(labelled("verdict: ", &verdict::sentence(d)))?;
-    if let Some(words) = &view.to_correct {
+    if let Some(words) = &view.discovery.to_correct {
         out(labelled("first: ", &crate::screen::paint(words, Signal::Poor)))?;
     }
     errors(view)?;
     if let Some(words) = verdict::how_sure(d) {
         out(labelled("sure: ", &words))?;
     }
-    let said = view.to_correct.as_ref().is_some_and(|words| d.words.contains(words));
+    let said = view.discovery.to_correct.as_ref().is_some_and(|words| d.words.contains(words));
     if !said && (d.found.is_empty() || d.verdict == Verdict::Unexplained) {
         out(labelled("", &d.words))?;
     }
@@ -130,7 +130,7 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     if details {
         rounds(d)?;
     }
-    for a in d.advice.iter().filter(|a| view.to_correct.as_ref() != Some(a)) {
+    for a in d.advice.iter().filter(|a| view.discovery.to_correct.as_ref() != Some(a)) {
         out(labelled("advice: ", a))?;
     }
     Ok(())

@@ -30,7 +30,8 @@ pub fn add(key: &str, id: &SessionId, args: &PipelineArgs) -> String {
 /// report shows where the error sits.
 pub fn command_for(step: &NextStep, id: &SessionId, args: &PipelineArgs) -> String {
     match step {
-        NextStep::Run | NextStep::Correct(_) => line("run", args, &member(id)),
+        NextStep::Correct { offered: true, .. } => line("check", args, &member(id)),
+        NextStep::Run | NextStep::Correct { .. } => line("run", args, &member(id)),
         NextStep::Discover { .. } => line("discover", args, &member(id)),
         NextStep::Add { key, .. } => add(key, id, args),
         NextStep::Record(_) | NextStep::Advised(_) | NextStep::Use | NextStep::Look => {
@@ -45,7 +46,7 @@ pub fn show(step: &NextStep, id: &SessionId, args: &PipelineArgs) {
     if let NextStep::Advised(advice) = step {
         note(format!("advice: {advice}"));
     }
-    if let NextStep::Correct(what) = step {
+    if let NextStep::Correct { what, .. } = step {
         note(format!("first: {what}"));
     }
     command("next", &command_for(step, id, args));
@@ -67,7 +68,7 @@ pub fn for_all(steps: &[(&SessionId, NextStep)], args: &PipelineArgs) -> String 
         {
             of_all("effect add", Some(key))
         }
-        _ if any(|s| matches!(s, NextStep::Run | NextStep::Correct(_))).is_some() => of_all("run", None),
+        _ if any(|s| matches!(s, NextStep::Run | NextStep::Correct { .. })).is_some() => of_all("run", None),
         _ if any(|s| matches!(s, NextStep::Discover { .. })).is_some() => of_all("discover", None),
         _ => match any(|s| matches!(s, NextStep::Add { .. })) {
             Some((id, step)) => command_for(step, id, args),

@@ -234,6 +234,7 @@ pub(crate) fn conclude(
         misfit: None,
         against: None,
         open: None,
+        to_correct: None,
         joints: None,
     };
     // An error that remains far above its floor is not explained, whatever was found; nor is one of

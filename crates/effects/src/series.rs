@@ -127,6 +127,17 @@ pub struct EffectFrame<'a> {
     pub com_acceleration: Vector3<f64>,
 }
 
+impl EffectFrame<'_> {
+    /// Seconds since take-off (release); zero in contact.
+    pub fn since_take_off_s(&self) -> f64 {
+        if self.flight { self.since_start_s } else { 0.0 }
+    }
+    /// Seconds since the stretch of contact began; zero in flight.
+    pub fn since_touch_down_s(&self) -> f64 {
+        if self.flight { 0.0 } else { self.since_start_s }
+    }
+}
+
 /// All frames of a trial that give rows.
 #[derive(Debug, Clone)]
 pub struct Series<'a> {

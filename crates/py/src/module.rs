@@ -14,10 +14,7 @@ pub fn effects(py: Python<'_>, pipeline: Option<PathBuf>) -> PyResult<String> {
 /// As `aloft effect show`: Markdown.
 #[pyfunction]
 pub fn show_effect(py: Python<'_>, name: String, pipeline: Option<PathBuf>) -> PyResult<String> {
-    work(py, None, move |_| {
-        let page = aloft_analysis::effect::show(&name, pipeline.as_deref())?;
-        Ok(format!("# {} ({})\n\n{}", page.title, page.id, page.documentation))
-    })
+    work(py, None, move |_| Ok(aloft_analysis::effect::show(&name, pipeline.as_deref())?.markdown()))
 }
 
 /// As `aloft inspect --json`.

@@ -251,7 +251,10 @@ fn next(story: &Story<'_>) -> Fact {
     let held: Vec<&str> = effects(story).iter().map(String::as_str).collect();
     match step(view, asked(story), &held) {
         NextStep::Run => with("Bring the results up to date.", command(s, "run", None)),
-        NextStep::Correct(what) => with(&sentence_of(&what), command(s, "run", None)),
+        NextStep::Correct { what, offered } => {
+            let verb = if offered { "check" } else { "run" };
+            with(&sentence_of(&what), command(s, verb, None))
+        }
         NextStep::Discover { record: None } => with("Run `discover`.", command(s, "discover", None)),
         NextStep::Discover { record: Some(_) } => with(
             &format!("Record more flights: {}. Then ask what is missing; these can be asked already.", motion(found)),

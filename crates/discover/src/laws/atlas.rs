@@ -105,15 +105,32 @@ impl<'s> PlaceFrames<'s> {
     pub fn values(&self, variable: Variable, anchor: &Vector3<f64>) -> Vec<Vec<f64>> {
         self.series.iter().map(|t| t.iter().map(|(f, at)| variable.value(f, at, anchor)).collect()).collect()
     }
+
+    /// Range of a variable without `share` of the frames at either end; `None` if it does not vary.
+    /// The time since take-off, which is zero in contact, has its range in flight.
+    pub fn range(&self, variable: Variable, anchor: &Vector3<f64>, share: f64) -> Option<Range> {
+        let mut values = self.values(variable, anchor);
+        if variable == Variable::SinceTakeOff {
+            for (x, frames) in values.iter_mut().zip(&self.series) {
+                if frames.first().is_some_and(|(f, _)| !f.flight) {
+                    x.clear();
+                }
+            }
+        }
+        range_within(&values, share)
+    }
 }
+
+/// Share of the frames at either end that a range leaves out.
+pub(crate) const ENDS: f64 = 0.01;
 
 /// Quantiles 1 and 99 % of all values; `None` if the variable does not vary.
 pub(crate) fn range_of(values: &[Vec<f64>]) -> Option<Range> {
-    range_within(values, 0.01)
+    range_within(values, ENDS)
 }
 
 /// Quantiles `share` and 1 − `share` of all values; `None` if the variable does not vary.
-pub(crate) fn range_within(values: &[Vec<f64>], share: f64) -> Option<Range> {
+fn range_within(values: &[Vec<f64>], share: f64) -> Option<Range> {
     let mut all: Vec<f64> = values.iter().flatten().copied().filter(|x| x.is_finite()).collect();
     if all.len() < 20 {
         return None;
@@ -267,10 +284,7 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
     let products: Vec<(Variable, Range, Vec<Vec<f64>>)> = Variable::of(scene)
         .into_iter()
         .filter(|v| *v != Variable::None)
-        .filter_map(|v| {
-            let values = frames.values(v, &none);
-            Some((v, range_of(&values)?, values))
-        })
+        .filter_map(|v| Some((v, frames.range(v, &none, ENDS)?, frames.values(v, &none))))
         .collect();
     let waves = Periodic::of(scene, &frames);
     let mut add = |unit: &[Vec<Vec<[f64; 6]>>], base: &Group, choices: &[&[usize]], weight: &[Vec<f64>], nb: usize| {
@@ -392,7 +406,7 @@ pub(super) fn curve_of(
     if variable == Variable::None {
         return Some((Range { low: 0.0, high: 1.0 }, values, 1));
     }
-    let range = range_of(&values)?;
+    let range = frames.range(variable, anchor, ENDS)?;
     Some((range, values.iter().map(|x| splines(x, range)).collect(), SPLINES))
 }
 

@@ -1,8 +1,9 @@
 //! From an entry of the atlas to a law: shapes with their parameters are screened linearly, the
 //! best are fitted with point, anchor and parameters free, again in every fold.
 
-use super::atlas::{Group, PlaceFrames, columns, range_of, range_within, stride};
+use super::atlas::{ENDS, Group, PlaceFrames, columns, stride};
 use super::evidence::Evidence;
+use super::far_point::along_axis;
 use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
 use super::law::{Factor, Law, PointIs};
 use super::shape::{KNOTS, Shape};
@@ -280,7 +281,7 @@ fn in_every_variable(session: &Session<'_>, problem: &Problem, evidence: &Eviden
     let frames = PlaceFrames::new(session, group.carrier, &group.point);
     let mut out: Vec<Start> = Vec::new();
     for variable in Variable::of(session.scene) {
-        let Some(range) = range_of(&frames.values(variable, &group.anchor)) else { continue };
+        let Some(range) = frames.range(variable, &group.anchor, ENDS) else { continue };
         let of = Group { variable, range, frequency: None, ..group.clone() };
         out.extend(screened(session, problem, evidence, &of, &frames, &EVERYWHERE));
     }
@@ -340,18 +341,20 @@ pub(crate) fn curve(session: &Session<'_>, problem: &Problem, group: &Group) -> 
     if shape == Shape::Curve {
         // the ends of a curve need rows in every fold
         let frames = PlaceFrames::new(session, group.carrier, &group.point);
-        let range = range_within(&frames.values(group.variable, &group.anchor), 0.05)?;
+        let range = frames.range(group.variable, &group.anchor, 0.05)?;
         law.factors.iter_mut().for_each(|f| f.range = range);
     }
     fit(session, problem, &law, start, STEPS)
 }
 
-/// Simpler forms of a law that leave nearly the same error: the point at the centre of mass, a
+/// Simpler forms of a law that leave nearly the same error: an axis of the room for a point far away,
+/// the point at the centre of mass, a
 /// power that is a small integer or a half.
 pub(crate) fn simplify(session: &Session<'_>, problem: &Problem, found: Fitted) -> Fitted {
     /// Largest growth of the squared error.
     const MORE: f64 = 1.02;
-    let mut best = found;
+    let near = along_axis(session, problem, &found).filter(|f| f.error() <= MORE * found.error());
+    let mut best = near.unwrap_or(found);
     let (point, anchor, parts) = best.law.divided(&best.nonlinear);
     let parts: Vec<Vec<f64>> = parts.into_iter().map(<[f64]>::to_vec).collect();
     let of_point = best.nonlinear[..best.law.point_is.unknowns()].to_vec();

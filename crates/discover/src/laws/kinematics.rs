@@ -194,7 +194,7 @@ pub enum Variable {
     JointAngle(usize),
     /// Its rate, rad/s or m/s.
     JointRate(usize),
-    /// Time since take-off, s.
+    /// Time since take-off, s; zero in contact.
     SinceTakeOff,
     /// Time in the recording, s.
     Clock,
@@ -248,7 +248,7 @@ impl Variable {
             Self::Tilt(k) => at.rotation[(2, k)],
             Self::JointAngle(i) => frame.q[links[i].joint.q_offset],
             Self::JointRate(i) => frame.v[links[i].joint.v_offset],
-            Self::SinceTakeOff => frame.since_start_s,
+            Self::SinceTakeOff => frame.since_take_off_s(),
             Self::Clock => frame.time_s,
             Self::Distance => (anchor - at.position).norm(),
         }

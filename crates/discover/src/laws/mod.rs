@@ -7,13 +7,15 @@
 //! | vocabulary | `kinematics`, `shape` | places, directions, variables; functions of a variable |
 //! | atlas | `atlas` | every place, direction and variable with a free curve, ranked by held-out error |
 //! | laws | `fit`, `law` | expressions for the best entries, with point, anchor and constants fitted in every fold |
+//! | diagnosis | `diagnosis` | what the best entry says without a law |
 //! | rounds | `search` | a second factor, the simplest law that is as good, and again on what remains |
 //! | contact | `with_contact` | the law that flights and contact show together |
-//! | place | `near_joint`, `off_link` | the other link of a joint; whether a point lies on its link |
+//! | place | `near_joint`, `off_link`, `far_point` | the other link of a joint; whether a point lies on its link; a point of the room that is so far away that only its direction shows |
+//! | claim | `stated` | whether laws are stated beside the catalogue |
 //! | form | `form` | whether the strength of an effect that the catalogue names follows its law |
 //! | intervals | `intervals` | those of a law, with errors that are the same in all recordings |
 //! | advice | `next` | the recording that tells a law from the next best one |
-//! | output | `formula`, `result`, `wording` | an effect of the user's own, numbers, words |
+//! | output | `described`, `formula`, `result`, `wording` | an effect of the user's own, numbers, words |
 //!
 //! The method joins the weak form of sparse identification (Messenger and Bortz, *Weak SINDy*,
 //! 2021) with the projection of known linear unknowns (Frisch and Waugh, 1933), variable projection
@@ -23,7 +25,10 @@
 //! that place and direction of the force are found from six rows of a floating base.
 
 mod atlas;
+mod described;
+mod diagnosis;
 mod evidence;
+mod far_point;
 mod fit;
 mod form;
 mod formula;
@@ -37,6 +42,7 @@ mod one_law;
 mod result;
 mod search;
 mod shape;
+mod stated;
 mod with_contact;
 mod wording;
 
@@ -46,4 +52,5 @@ pub use result::{Diagnosis, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, 
 pub(crate) use atlas::Line;
 pub(crate) use form::misfit;
 pub(crate) use kinematics::WHOLE_BODY;
-pub(crate) use search::{Rivals, search};
+pub(crate) use search::search;
+pub(crate) use stated::Rivals;

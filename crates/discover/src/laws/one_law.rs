@@ -1,7 +1,7 @@
 //! The law for the best entries of the atlas: the simplest expression that is as good as the best,
 //! with a second factor where that removes more, or a free curve.
 
-use super::atlas::{Group, PlaceFrames, columns, range_of, stride};
+use super::atlas::{ENDS, Group, PlaceFrames, columns, stride};
 use super::evidence::Evidence;
 use super::fit::{self, Fitted};
 use super::kinematics::{Action, Carrier, Variable};
@@ -109,7 +109,8 @@ fn simplest(laws: &[Fitted], person: bool) -> Option<&Fitted> {
         let magnitude = f.law.direction.magnitude();
         magnitude.is_some_and(|m| f.law.factors.iter().any(|f| f.variable != m && f.variable != Variable::None))
     };
-    let key = |f: &Fitted| (f.unknowns, one_sided(f));
+    // one variable is simpler than two, whatever the number of unknowns
+    let key = |f: &Fitted| (f.law.factors.len(), f.unknowns, one_sided(f));
     laws.iter().filter(as_good).min_by(|a, b| key(a).cmp(&key(b)).then(a.error().total_cmp(&b.error())))
 }
 
@@ -165,7 +166,7 @@ fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, 
         .into_iter()
         .filter(|v| *v != Variable::None && law.law.factors.iter().all(|f| f.variable != *v))
         .filter_map(|v| {
-            let range = range_of(&frames.values(v, &anchor))?;
+            let range = frames.range(v, &anchor, ENDS)?;
             Some((score_of(Shape::Curve, &[], v, range)?, v, range))
         })
         .collect();

@@ -1,102 +1,40 @@
 //! Rounds of the search: atlas, laws, a second factor, the simplest law that is as good, and again
 //! on what remains.
 
-use super::atlas::{Atlas, Group, Line, PlaceFrames, atlas};
+use super::atlas::{Atlas, Group, atlas};
+use super::described::describe;
+use super::diagnosis::{diagnose, variable_of};
 use super::evidence::{DRAWS, Evidence};
 use super::fit::{self, Fitted, STEPS, TRIED};
-use super::formula::is_curve;
 use super::intervals::widened;
-use super::kinematics::{Action, Carrier, Variable};
-use super::law::{Law, PointIs};
-use super::near_joint::other_links;
 use super::next::next_recording;
-use super::off_link::ALSO;
-use super::one_law::{OneLaw, SIMPLER, one_law};
-use super::result::{Diagnosis, Entry, FoundLaw, LawKind, OpenWorld, Work};
-use super::with_contact::{Flights, IN_FLIGHT, OfBoth, in_use, with_contact};
+use super::one_law::{OneLaw, one_law};
+use super::result::{Entry, FoundLaw, OpenWorld};
+use super::stated::{Rivals, Stated, Step, stated};
+use super::with_contact::{Flights, OfBoth, in_use, with_contact};
 use super::wording;
-use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
-use crate::result::{AgainstLaw, Estimate, FEWEST_CLUSTERS};
+use crate::result::{AgainstLaw, FEWEST_CLUSTERS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use crate::thin::{FEWEST, with_at_most};
-use aloft_effects::{Effect, EffectInstance, Scene, Target};
+use aloft_effects::{EffectInstance, Target};
 use nalgebra::DMatrix;
 
 /// Laws are the answer if they leave no more than this multiple of the floor.
 pub(super) const ANSWERED: f64 = 1.5;
-/// Laws that leave more than this share of the error are not named.
-const PART: f64 = 0.5;
-/// Laws that leave more than this share of what the catalogue leaves are not named.
-const BETTER: f64 = 0.85;
-/// Share of the squared error that a product of two variables has to leave to be named before one.
-const PRODUCT: f64 = 0.7;
 /// Share of the error that a further law may leave on a person.
 const FURTHER: f64 = 0.6;
-/// Probability by chance below which a law is better than an effect whose form is in doubt.
-const TRUER: f64 = 0.01;
-/// Share of a named effect's error in flight and contact that a law leaves at most to take its
-/// place.
-const LESS_ON_BOTH: f64 = 0.93;
 /// Most flights that the atlas is made of.
 const MOST_IN_ATLAS: usize = 120;
 /// Most flights in which the form of a law is sought: each of several hundred trial laws is fitted
 /// again in every fold.
 const MOST_FITTED: usize = 60;
-/// Distance from a joint within which a force on a person may act on either link, beyond the
-/// intervals of its point, which contain neither soft tissue nor errors of joint centres, m.
-const NEAR_JOINT_M: f64 = 0.025;
 /// Largest number of laws.
 const ROUNDS: usize = 3;
-
-impl AgainstLaw {
-    /// True if the law leaves clearly less than every named effect, in recording after recording.
-    pub(crate) fn is_for_the_law(&self) -> bool {
-        self.error_ratio < LESS_ON_BOTH && self.p_value < TRUER
-    }
-}
-
-/// A law as accepted in its round.
-#[derive(Clone)]
-struct Step {
-    fitted: Fitted,
-    /// Error with it over that without (root mean square).
-    ratio: f64,
-    /// Family-wise p-value of its entry.
-    p: f64,
-    /// Other carriers that the rows do not exclude.
-    also: Vec<Carrier>,
-    /// True if it was fitted to flights and contact.
-    of_both: bool,
-}
-
-/// What laws have to do better than.
-pub(crate) struct Rivals<'v, 'a> {
-    /// Share of the error that the best effects of the catalogue leave.
-    pub ratio: f64,
-    /// Share that the best single effect leaves.
-    pub single: f64,
-    /// Number of unknowns if the best effects are of several kinds: a single law with fewer
-    /// unknowns that leaves no more is simpler, if no single effect comes near it.
-    pub several: Option<usize>,
-    /// Squared held-out error by cluster of named effects whose strength does not follow their law.
-    pub doubted: Option<Vec<f64>>,
-    /// True if the named effects reach the floor's interval and nothing else is held against them:
-    /// any law that leaves less is stated, for the stages to compare both.
-    pub within_floor: bool,
-    /// Lines towards points of the room along which effects found act: their strength may depend on
-    /// something in another way than the effect says.
-    pub lines: Vec<Line>,
-    /// True if the named effects leave contact far above its floor: a law of both is stated even if
-    /// it leaves up to [`IN_FLIGHT`] times their error in flight.
-    pub far_in_contact: bool,
-    /// The effects that the catalogue names, of which one is missing; empty if several are.
-    pub named: &'v [Variant<'a>],
-}
 
 /// Searches for a law beyond the catalogue on what a model leaves in flight. `taken` are
 /// identifiers of effects that exist. `None` if there are no
@@ -212,31 +150,11 @@ pub(crate) fn search(
     let ratio = (left / before).sqrt();
     let after = model_error.map(|s| s.held_out_error * ratio);
     let times_floor = model_error.filter(|s| s.noise_floor > 0.0).map(|s| s.held_out_error * ratio / s.noise_floor);
-    let complete = !laws.is_empty()
-        && (times_floor.is_some_and(|t| t <= ANSWERED) || model_error.is_some_and(|s| at_floor(&s, left / before)));
-    let simpler = |most: usize| {
-        let alone = laws.len() == 1 && laws[0].fitted.unknowns < most;
-        alone && ratio <= SIMPLER * catalogue.ratio && ratio < BETTER * catalogue.single
-    };
-    // a law in place of an effect whose form is in doubt has to be better flight by flight
-    let truer = |errors: &Vec<f64>| {
-        let [law] = laws.as_slice() else { return false };
-        let same = law.fitted.errors.len() == errors.len();
-        same && sign_flip_p(&law.fitted.errors, errors, 2000, options.seed ^ 0xf02a) < TRUER
-    };
+    let within_floor =
+        times_floor.is_some_and(|t| t <= ANSWERED) || model_error.is_some_and(|s| at_floor(&s, left / before));
     let of_both = laws.len() == 1 && laws[0].of_both;
     let against = against.filter(|_| of_both);
-    let truer_on_both = against.as_ref().is_some_and(AgainstLaw::is_for_the_law);
-    // all rows together say that an effect is at least as good
-    let worse_on_both = against.as_ref().is_some_and(|a| a.error_ratio > 1.0);
-    let any_better = (catalogue.far_in_contact && of_both && ratio <= IN_FLIGHT * catalogue.ratio)
-        || ratio < if catalogue.within_floor { 1.0 } else { BETTER } * catalogue.ratio
-        || catalogue.several.is_some_and(simpler)
-        || catalogue.doubted.as_ref().is_some_and(truer)
-        || truer_on_both;
-    let better = any_better && !worse_on_both;
-    let complete = complete && better;
-    let named = complete || (better && ratio < PART);
+    let Stated { named, complete } = stated(&laws, ratio, within_floor, &catalogue, against.as_ref(), options.seed);
     let found: Vec<FoundLaw> = if named {
         let mut ids: Vec<String> = taken.iter().map(|t| (*t).to_owned()).collect();
         let describe = |(i, l): (usize, &Step)| {
@@ -367,203 +285,4 @@ fn refit(
         }
     }
     laws
-}
-
-/// The best entry of the atlas in numbers: the simplest of those that are nearly as good.
-fn diagnose(session: &Session<'_>, problem: &Problem, atlas: &Atlas, p: f64) -> Diagnosis {
-    let scene = session.scene;
-    // one variable is preferred to a product of two, unless the product leaves much less
-    let single = atlas.groups.iter().find(|g| g.is_one_dependence());
-    let first = &atlas.groups[0];
-    let best = single.filter(|s| first.score.ratio > PRODUCT * s.score.ratio).unwrap_or(first);
-    let as_good =
-        |g: &&Group| g.is_one_dependence() == best.is_one_dependence() && g.score.ratio <= 1.04 * best.score.ratio;
-    let g = atlas
-        .groups
-        .iter()
-        .filter(as_good)
-        .min_by(|a, b| a.columns.cmp(&b.columns).then(a.score.ratio.total_cmp(&b.score.ratio)))
-        .unwrap_or(best);
-    let constant = atlas.groups.iter().find(|o| {
-        o.variable == Variable::None
-            && o.carrier == g.carrier
-            && o.action == g.action
-            && o.direction == g.direction
-            && o.components == g.components
-    });
-    let plain: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
-    let dependence_p = (g.variable != Variable::None)
-        .then(|| sign_flip_p(&g.score.errors, constant.map_or(&plain, |c| &c.score.errors), 2000, 0x7157));
-    let near = |o: &&Group| o.action == g.action && o.score.ratio <= ALSO * ALSO * best.score.ratio;
-    let also = g.carrier.others(atlas.groups.iter().filter(near).map(|o| o.carrier));
-    let mut out = Diagnosis {
-        carrier: g.carrier.name(scene),
-        also: also.into_iter().map(|c| c.name(scene)).collect(),
-        action: g.action,
-        direction: g.direction,
-        variable: variable_of(g, scene),
-        held_out_ratio: g.score.ratio.sqrt(),
-        removes: 1.0 - g.score.ratio.sqrt(),
-        family_wise_p: p,
-        constant_ratio: constant.map(|c| c.score.ratio.sqrt()),
-        dependence_p,
-        curve: curve_of(g),
-        text: String::new(),
-    };
-    let variables: Vec<Variable> =
-        std::iter::once(g.variable).chain(g.second.map(|s| s.0)).filter(|v| *v != Variable::None).collect();
-    out.text = wording::diagnosis(scene, &out, &variables);
-    out
-}
-
-/// Variable of an entry in formulas, `a*b` for a product.
-fn variable_of(g: &Group, scene: &Scene) -> String {
-    let first = g.variable.formula(scene);
-    g.second.map_or(first.clone(), |s| format!("{first}*{}", s.0.formula(scene)))
-}
-
-/// Strength over the variable for the component with the largest strength.
-fn curve_of(g: &Group) -> Vec<[f64; 2]> {
-    const POINTS: usize = 13;
-    if g.frequency.is_some() || g.second.is_some() || g.variable == Variable::None || g.variable == Variable::Distance {
-        return Vec::new();
-    }
-    let nb = g.columns / g.components.len().max(1);
-    let x: Vec<f64> = (0..POINTS).map(|i| g.range.low + g.range.width() * i as f64 / (POINTS - 1) as f64).collect();
-    let basis = super::atlas::splines(&x, g.range);
-    let of = |d: usize| -> Vec<f64> {
-        basis.chunks_exact(nb).map(|b| b.iter().enumerate().map(|(k, b)| b * g.score.theta[d * nb + k]).sum()).collect()
-    };
-    let size = |y: &[f64]| y.iter().map(|v| v * v).sum::<f64>();
-    let all: Vec<Vec<f64>> = (0..g.components.len()).map(of).collect();
-    let Some(largest) = all.into_iter().max_by(|a, b| size(a).total_cmp(&size(b))) else { return Vec::new() };
-    x.into_iter().zip(largest).map(|(x, y)| [x, y]).collect()
-}
-
-/// Widens the intervals of coefficients and nonlinear parameters.
-type Widen<'w> = &'w dyn Fn((&mut [Estimate], &mut [Estimate]));
-
-/// A fitted law for users.
-fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Step, widen: Widen<'_>) -> FoundLaw {
-    let scene = session.scene;
-    let Step { fitted: f, ratio, p, also, of_both } = found;
-    let mut law = f.law.clone();
-    let carrier = law.carrier.name(scene);
-    let stem: String = carrier.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
-    law.id = (1..)
-        .map(|n| if n == 1 { format!("law_{stem}") } else { format!("law_{stem}_{n}") })
-        .find(|id| !ids.contains(id))
-        .unwrap_or_default();
-    ids.push(law.id.clone());
-    let k = f.theta.len();
-    let of = |i: usize| (f.se.get(i).copied().unwrap_or(f64::NAN), f.freedom.get(i).copied().unwrap_or(f64::NAN));
-    let estimate = |name: String, unit: String, value: f64, i: usize, at_bound: bool| {
-        let (se, freedom) = of(i);
-        Estimate { name, value, se: f64::NAN, ci95: None, freedom: f64::NAN, at_bound, widening: 1.0, unit }
-            .with_error(se, freedom)
-    };
-    let mut coefficients: Vec<Estimate> = law
-        .coefficients(scene, Target::Body)
-        .into_iter()
-        .enumerate()
-        .map(|(i, c)| estimate(c.name, c.unit, f.theta[i], i, false))
-        .collect();
-    let mut nonlinear: Vec<Estimate> = law
-        .nonlinear(scene, Target::Body)
-        .into_iter()
-        .zip(&f.nonlinear)
-        .enumerate()
-        .map(|(j, (q, value))| {
-            let at_bound = (value - q.lower).abs() < 1e-9 || (value - q.upper).abs() < 1e-9;
-            estimate(q.name, q.unit, *value, k + j, at_bound)
-        })
-        .collect();
-    widen((&mut coefficients, &mut nonlinear));
-    let split = law.point_is.unknowns();
-    let kind = if is_curve(&law) { LawKind::Curve } else { LawKind::Formula };
-    let work = work(session, f);
-    let point = point_of(&law, &f.nonlinear, &nonlinear);
-    let slack_m = if session.prior.is_some() { NEAR_JOINT_M } else { 0.0 };
-    let at_joint = other_links(&scene.model, law.carrier, &point, slack_m).into_iter().filter(|c| !also.contains(c));
-    let also: Vec<String> = also.iter().copied().chain(at_joint).map(|c| c.name(scene)).collect();
-    let found_in = if *of_both { "; found in flight and contact together" } else { "" };
-    let text = wording::law(scene, &law, &f.nonlinear, &f.theta, work) + &wording::also(&also) + found_in;
-    let values: Vec<&Estimate> = coefficients.iter().chain(&nonlinear[split..]).chain(&point).collect();
-    let documentation = wording::documentation(&text, &values, *ratio, *p, *of_both);
-    let mut effect = law.formula(scene, &f.nonlinear, documentation);
-    effect.title = wording::title(scene, &law);
-    FoundLaw {
-        id: law.id.clone(),
-        kind,
-        carrier,
-        also,
-        action: law.action,
-        direction: law.direction,
-        variables: law
-            .factors
-            .iter()
-            .filter(|f| f.variable != Variable::None)
-            .map(|f| f.variable.formula(scene))
-            .collect(),
-        strength: law.strength(scene),
-        point,
-        coefficients,
-        parameters: nonlinear[split..].to_vec(),
-        held_out_ratio: *ratio,
-        family_wise_p: *p,
-        with_contact: *of_both,
-        work,
-        text,
-        effect,
-    }
-}
-
-/// Share of a link's axis along the force from which on a point's coordinate on it is not
-/// determined.
-const ALONG: f64 = 0.9;
-
-/// Coordinates of the point in the link with their intervals; empty where they are given. A point
-/// can be moved along its force: the coordinate along it has no interval, and its value is that of
-/// the point of the line nearest to the centre of mass.
-fn point_of(law: &Law, values: &[f64], fitted: &[Estimate]) -> Vec<Estimate> {
-    match law.point_is {
-        PointIs::Given => Vec::new(),
-        PointIs::Free => fitted[..3].to_vec(),
-        PointIs::OnPlane(axes) => {
-            let (point, _, _) = law.divided(values);
-            let freedom = fitted[0].freedom.min(fitted[1].freedom);
-            let along = axes[0].cross(&axes[1]);
-            (0..3)
-                .map(|k| {
-                    let across = (axes[0][k] * fitted[0].se).hypot(axes[1][k] * fitted[1].se);
-                    let se = if along[k].abs() > ALONG { f64::NAN } else { across };
-                    let name = format!("point_{}", ["x", "y", "z"][k]);
-                    Estimate { name, value: point[k], ..fitted[0].clone() }.with_error(se, freedom)
-                })
-                .collect()
-        }
-    }
-}
-
-/// Work of a law over all flights.
-pub(crate) fn work(session: &Session<'_>, f: &Fitted) -> Work {
-    let (point, anchor, parts) = f.law.divided(&f.nonlinear);
-    let frames = PlaceFrames::new(session, f.law.carrier, &point);
-    let (mut taken, mut absolute, mut size) = (0.0, 0.0, 0.0);
-    let mut strengths = Vec::new();
-    for (frame, at) in frames.series.iter().flatten() {
-        let v = f.vector(frame, at, &anchor, &parts, &mut strengths);
-        let rate = match f.law.action {
-            Action::Force => at.velocity,
-            Action::Couple => at.omega,
-        };
-        let power = v.dot(&rate);
-        absolute += power.abs();
-        taken += (-power).max(0.0);
-        size += v.norm() * rate.norm();
-    }
-    Work {
-        taken: if absolute > 0.0 { taken / absolute } else { 0.0 },
-        share: if size > 0.0 { absolute / size } else { 0.0 },
-    }
 }

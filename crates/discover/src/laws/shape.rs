@@ -52,6 +52,8 @@ pub(crate) enum Shape {
     ShiftedPower,
     /// exp(x/L)
     Exponential,
+    /// x exp(−x/L)
+    Surge,
     /// zero for |x| < x₀, then |x| − x₀ with the sign of x
     DeadZone,
     /// zero below x₀, then x − x₀
@@ -92,6 +94,8 @@ impl Shape {
         let mut out = vec![Self::Linear, Self::Affine, Self::Parabola, Self::EvenPower, Self::Exponential];
         if signed {
             out.extend([Self::Power, Self::DeadZone, Self::ShiftedPower, Self::Sine, Self::Wave]);
+        } else {
+            out.push(Self::Surge);
         }
         if distance {
             out.push(Self::Softened);
@@ -121,6 +125,7 @@ impl Shape {
             Self::Power | Self::EvenPower => vec![exponent],
             Self::ShiftedPower => vec![threshold, exponent],
             Self::Exponential => vec![of("rate", -1, -12.0 / w, 12.0 / w, 1.0 / w)],
+            Self::Surge => vec![of("peak", 1, 0.02 * a, 3.0 * a, 0.05 * a)],
             Self::DeadZone => vec![of("x0", 1, 0.0, 0.95 * a, 0.1 * a)],
             Self::RampUp | Self::RampDown => vec![threshold],
             Self::Switch => vec![threshold, of("w", 1, 0.005 * w, 0.5 * w, 0.05 * w)],
@@ -149,6 +154,7 @@ impl Shape {
                 pairs.collect()
             }
             Self::Exponential => [-6.0, -3.0, -1.0, 1.0, 3.0, 6.0].iter().map(|r| vec![r / w]).collect(),
+            Self::Surge => [0.05, 0.12, 0.3, 0.7].iter().map(|s| vec![s * a]).collect(),
             Self::DeadZone => [0.15, 0.3, 0.5, 0.7].iter().map(|s| vec![s * a]).collect(),
             Self::RampUp | Self::RampDown => places.iter().map(|s| vec![at(*s)]).collect(),
             Self::Switch => places.iter().map(|s| vec![at(*s), 0.04 * w]).collect(),
@@ -174,6 +180,7 @@ impl Shape {
             Self::EvenPower => out[0] = raised(x.abs(), p0),
             Self::ShiftedPower => out[0] = (x - p0).signum() * raised((x - p0).abs(), p1),
             Self::Exponential => out[0] = (x * p0).exp(),
+            Self::Surge => out[0] = x * (-x / p0).exp(),
             Self::DeadZone => out[0] = x.signum() * (x.abs() - p0).max(0.0),
             Self::RampUp => out[0] = (x - p0).max(0.0),
             Self::RampDown => out[0] = (p0 - x).max(0.0),
@@ -212,6 +219,7 @@ impl Shape {
             Self::EvenPower => vec![format!("(abs({x})/one)^{p0}")],
             Self::ShiftedPower => vec![format!("signum({x}-{p0})*(abs({x}-{p0})/one)^{p1}")],
             Self::Exponential => vec![format!("exp({p0}*{x})")],
+            Self::Surge => vec![format!("{x}*exp(-{x}/{p0})")],
             Self::DeadZone => vec![format!("signum({x})*(abs({x})-{p0}+abs(abs({x})-{p0}))/2")],
             Self::RampUp => vec![format!("({x}-{p0}+abs({x}-{p0}))/2")],
             Self::RampDown => vec![format!("({p0}-{x}+abs({p0}-{x}))/2")],
@@ -245,7 +253,7 @@ impl Shape {
     /// a pure number (see [`Shape::formulas`]).
     pub fn unit_powers(self) -> Vec<i32> {
         match self {
-            Self::Linear | Self::DeadZone | Self::RampUp | Self::RampDown => vec![1],
+            Self::Linear | Self::Surge | Self::DeadZone | Self::RampUp | Self::RampDown => vec![1],
             Self::Affine => vec![0, 1],
             Self::Parabola => vec![1, 2],
             Self::Softened => vec![-2],
@@ -282,6 +290,7 @@ impl Shape {
                 let grows = if p0 > 0.0 { "growing" } else { "falling" };
                 format!("{grows} by the factor e for every {} of {x}", with(p0.recip().abs()))
             }
+            Self::Surge => format!("rising with {x}, greatest at {}, and decaying beyond it", with(p0)),
             Self::DeadZone => format!("in proportion to what {x} exceeds {} by, zero below it", with(p0)),
             Self::RampUp => format!("in proportion to what {x} exceeds {} by, zero below it", with(p0)),
             Self::RampDown => format!("in proportion to what {x} is below {} by, zero above it", with(p0)),

@@ -20,7 +20,9 @@
 //! | `omega_world_x …`, `omega_link_x …` | rad/s | angular velocity in the world's and the link's axes |
 //! | `tilt_x tilt_y tilt_z` | 1 | vertical component of the link's axes |
 //! | `com_x com_y com_z`, `comv_x …` | m, m/s | whole centre of mass, its velocity |
-//! | `t`, `since_start`, `to_end` | s | time in the recording, in the stretch, until its end |
+//! | `t`, `to_end` | s | time in the recording; until the stretch (flight or contact) ends |
+//! | `since_start` | s | time since take-off (release), zero in contact |
+//! | `since_landing` | s | time since the stretch of contact began, zero in flight |
 //! | `q_<link>`, `qd_<link>` | rad, rad/s (m, m/s) | a hinge's (slide's) coordinate and rate |
 //! | `mass`, `link_mass` | kg | of the body, of the link (from the prior) |
 //! | `area_share` | 1 | share of the link in the mean area shown to the air |

@@ -296,32 +296,25 @@ impl Node {
         }
     }
 
+    /// The same formula with the definitions in place of their names.
     fn replaced(&self, definitions: &[Definition]) -> Self {
-        let inside = |n: &Self| Box::new(n.replaced(definitions));
+        self.rebuilt(definitions, None)
+    }
+
+    /// The same formula with names replaced, every part at the position `at` if one is given.
+    fn rebuilt(&self, definitions: &[Definition], at: Option<usize>) -> Self {
+        let inside = |n: &Self| Box::new(n.rebuilt(definitions, at));
         let kind = match &self.kind {
             Kind::Number(x) => Kind::Number(*x),
             Kind::Name(name) => match definitions.iter().find(|d| d.name == *name) {
-                Some(d) => return d.node.placed(self.at),
+                Some(d) => return d.node.rebuilt(&[], Some(self.at)),
                 None => Kind::Name(name.clone()),
             },
             Kind::Negative(n) => Kind::Negative(inside(n)),
             Kind::Call(name, n) => Kind::Call(name.clone(), inside(n)),
             Kind::Binary(op, a, b) => Kind::Binary(*op, inside(a), inside(b)),
         };
-        Self { at: self.at, kind }
-    }
-
-    /// The same formula, every part at one position.
-    fn placed(&self, at: usize) -> Self {
-        let inside = |n: &Self| Box::new(n.placed(at));
-        let kind = match &self.kind {
-            Kind::Number(x) => Kind::Number(*x),
-            Kind::Name(name) => Kind::Name(name.clone()),
-            Kind::Negative(n) => Kind::Negative(inside(n)),
-            Kind::Call(name, n) => Kind::Call(name.clone(), inside(n)),
-            Kind::Binary(op, a, b) => Kind::Binary(*op, inside(a), inside(b)),
-        };
-        Self { at, kind }
+        Self { at: at.unwrap_or(self.at), kind }
     }
 
     /// Value of a subexpression without names.

@@ -24,7 +24,8 @@ pub(super) enum Quantity {
     Com(usize),
     ComV(usize),
     Time,
-    SinceStart,
+    SinceTakeOff,
+    SinceTouchDown,
     ToEnd,
     Coordinate(usize),
     Rate(usize),
@@ -38,7 +39,7 @@ pub(super) enum Quantity {
 
 /// Quantities by name, without those of the joints.
 pub(super) const QUANTITIES: &str = "v_x v_y v_z speed a_x a_y a_z r_x r_y r_z omega_x omega_y omega_z spin alpha_x alpha_y alpha_z \
-v_world_x … v_link_x … omega_world_x … omega_link_x … tilt_x tilt_y tilt_z com_x com_y com_z comv_x comv_y comv_z t since_start to_end mass link_mass area_share air_density gravity pi";
+v_world_x … v_link_x … omega_world_x … omega_link_x … tilt_x tilt_y tilt_z com_x com_y com_z comv_x comv_y comv_z t since_start since_landing to_end mass link_mass area_share air_density gravity pi";
 
 /// Quantity with a given name, and its unit.
 pub(super) fn quantity(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
@@ -49,7 +50,8 @@ pub(super) fn quantity(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
         "speed" => Some((Quantity::Speed, speed)),
         "spin" => Some((Quantity::Spin, per_s)),
         "t" => Some((Quantity::Time, per_s.raised(-1.0))),
-        "since_start" => Some((Quantity::SinceStart, per_s.raised(-1.0))),
+        "since_start" => Some((Quantity::SinceTakeOff, per_s.raised(-1.0))),
+        "since_landing" => Some((Quantity::SinceTouchDown, per_s.raised(-1.0))),
         "to_end" => Some((Quantity::ToEnd, per_s.raised(-1.0))),
         "mass" => Some((Quantity::Mass, kg)),
         "link_mass" => Some((Quantity::LinkMass, kg)),
@@ -124,7 +126,8 @@ impl Quantity {
             Self::Com(k) => f.com[k],
             Self::ComV(k) => turn(f.com_velocity)[k],
             Self::Time => f.time_s,
-            Self::SinceStart => f.since_start_s,
+            Self::SinceTakeOff => f.since_take_off_s(),
+            Self::SinceTouchDown => f.since_touch_down_s(),
             Self::ToEnd => f.to_end_s,
             Self::Coordinate(i) => f.q[i],
             Self::Rate(i) => f.v[i],

@@ -1,0 +1,110 @@
+//! Whether laws are stated: what they have to do better than.
+
+use super::atlas::Line;
+use super::fit::Fitted;
+use super::kinematics::Carrier;
+use super::one_law::SIMPLER;
+use super::with_contact::IN_FLIGHT;
+use crate::candidate::Variant;
+use crate::result::AgainstLaw;
+use crate::statistics::sign_flip_p;
+
+/// Laws that leave more than this share of the error are not named.
+const PART: f64 = 0.5;
+/// Laws that leave more than this share of what the catalogue leaves are not named.
+const BETTER: f64 = 0.85;
+/// Probability by chance below which a law is better than an effect whose form is in doubt.
+const TRUER: f64 = 0.01;
+/// Share of a named effect's error in flight and contact that a law leaves at most to take its
+/// place.
+const LESS_ON_BOTH: f64 = 0.93;
+
+impl AgainstLaw {
+    /// True if the law leaves clearly less than every named effect, in recording after recording.
+    pub(crate) fn is_for_the_law(&self) -> bool {
+        self.error_ratio < LESS_ON_BOTH && self.p_value < TRUER
+    }
+}
+
+/// A law as accepted in its round.
+#[derive(Clone)]
+pub(super) struct Step {
+    pub fitted: Fitted,
+    /// Error with it over that without (root mean square).
+    pub ratio: f64,
+    /// Family-wise p-value of its entry.
+    pub p: f64,
+    /// Other carriers that the rows do not exclude.
+    pub also: Vec<Carrier>,
+    /// True if it was fitted to flights and contact.
+    pub of_both: bool,
+}
+
+/// What laws have to do better than.
+pub(crate) struct Rivals<'v, 'a> {
+    /// Share of the error that the best effects of the catalogue leave.
+    pub ratio: f64,
+    /// Share that the best single effect leaves.
+    pub single: f64,
+    /// Number of unknowns if the best effects are of several kinds: a single law with fewer
+    /// unknowns that leaves no more is simpler, if no single effect comes near it.
+    pub several: Option<usize>,
+    /// Squared held-out error by cluster of named effects whose strength does not follow their law.
+    pub doubted: Option<Vec<f64>>,
+    /// True if the named effects reach the floor's interval and nothing else is held against them:
+    /// any law that leaves less is stated, for the stages to compare both.
+    pub within_floor: bool,
+    /// Lines towards points of the room along which effects found act: their strength may depend on
+    /// something in another way than the effect says.
+    pub lines: Vec<Line>,
+    /// True if the named effects leave contact far above its floor: a law of both is stated even if
+    /// it leaves up to [`IN_FLIGHT`] times their error in flight.
+    pub far_in_contact: bool,
+    /// The effects that the catalogue names, of which one is missing; empty if several are.
+    pub named: &'v [Variant<'a>],
+}
+
+/// What is said of laws that were found.
+pub(super) struct Stated {
+    /// True if they are stated.
+    pub named: bool,
+    /// True if they are the whole answer: what they leave is within the floor.
+    pub complete: bool,
+}
+
+/// Whether `laws`, which leave the share `ratio` of the error in flight, are stated beside the
+/// catalogue. `within_floor`: that is within the floor. `against`: the named effects beside a
+/// single law of flights and contact.
+pub(super) fn stated(
+    laws: &[Step],
+    ratio: f64,
+    within_floor: bool,
+    catalogue: &Rivals<'_, '_>,
+    against: Option<&AgainstLaw>,
+    seed: u64,
+) -> Stated {
+    let single = <&[Step; 1]>::try_from(laws).ok().map(|[law]| law);
+    let simpler = |most: usize| {
+        single.is_some_and(|law| law.fitted.unknowns < most)
+            && ratio <= SIMPLER * catalogue.ratio
+            && ratio < BETTER * catalogue.single
+    };
+    // a law in place of an effect whose form is in doubt has to be better flight by flight
+    let truer = |errors: &Vec<f64>| {
+        let Some(law) = single else { return false };
+        let same = law.fitted.errors.len() == errors.len();
+        same && sign_flip_p(&law.fitted.errors, errors, 2000, seed ^ 0xf02a) < TRUER
+    };
+    let of_both = single.is_some_and(|law| law.of_both);
+    let truer_on_both = against.is_some_and(AgainstLaw::is_for_the_law);
+    // all rows together say that an effect is at least as good
+    let worse_on_both = against.is_some_and(|a| a.error_ratio > 1.0);
+    let any_better = (catalogue.far_in_contact && of_both && ratio <= IN_FLIGHT * catalogue.ratio)
+        || ratio < if catalogue.within_floor { 1.0 } else { BETTER } * catalogue.ratio
+        || catalogue.several.is_some_and(simpler)
+        || catalogue.doubted.as_ref().is_some_and(truer)
+        || truer_on_both;
+    let better = any_better && !worse_on_both;
+    let complete = within_floor && !laws.is_empty() && better;
+    Stated { named: complete || (better && ratio < PART), complete }
+}
