@@ -180,3 +180,30 @@ fn a_plate_zero_is_offered_and_corrected_and_a_plate_that_is_not_there_is_refuse
         }
     }
 }
+
+/// Simulates a person, states a mass, runs; gives the pipeline's path and what `run` says.
+fn run_with(at: &Path, name: &str, effect: &str, stated_kg: f64) -> String {
+    let path = |end: &str| at.join(format!("{name}{end}")).display().to_string();
+    let (scenario, lab, pipeline, ws) = (path(".scenario.yaml"), path(""), path(".yaml"), path(".ws"));
+    let person = "{sex: F, height_m: 1.66, mass_kg: 60.0}";
+    let text = format!("name: hidden\nseed: 35\nbody:\n  kind: human\n  person: {person}\nhidden: [{effect}]\n");
+    fs::write(&scenario, text).unwrap();
+    expect(&["simulate", &scenario, "--out", &lab], 0);
+    let facts = fs::read_to_string(format!("{lab}/subject.yaml")).unwrap();
+    fs::write(format!("{lab}/subject.yaml"), facts.replace("mass_kg: 60\n", &format!("mass_kg: {stated_kg}\n")))
+        .unwrap();
+    expect(&["init", &lab, "--out", &pipeline], 0);
+    let said = aloft(&["run", &pipeline, "--workspace", &ws]);
+    unwrapped(&said.stdout) + &unwrapped(&said.stderr)
+}
+
+#[test]
+fn next_is_the_command_that_offers_the_correction() {
+    let dir = folder();
+    for (name, effect, stated_kg) in [("rate", "{effect: time_base, true_rate_hz: 240.0}", 60.0), ("mass", "", 72.0)] {
+        let said = run_with(dir.path(), name, effect, stated_kg);
+        assert!(said.contains("next: aloft check"), "{name}: {said}");
+    }
+    let said = run_with(dir.path(), "right", "", 60.0);
+    assert!(said.contains("next: aloft") && !said.contains("next: aloft check"), "{said}");
+}

@@ -63,7 +63,7 @@ pub(crate) fn to_correct(
 ) -> Option<ToCorrect> {
     let wrong_mass = || {
         let words = impulse?.wrong.clone()?;
-        Some(ToCorrect { words, first: true, void: true, offered: false })
+        Some(ToCorrect { words, first: true, void: true, offered: true })
     };
     markers(comparison, rows, weight_n)
         .or_else(|| of_static(ws))

@@ -13,6 +13,7 @@ use crate::limits::SAME;
 use crate::nonlinear::{FULL_STEPS, improve, score_fitted};
 use crate::options::DiscoverOptions;
 use crate::problem::Problem;
+use crate::result::{Estimate, Found};
 use crate::rivals::Rival;
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
@@ -76,6 +77,16 @@ pub(crate) fn is_far_away(session: &Session<'_>, variant: &Variant<'_>) -> bool 
         (x - middle).abs() > half
     };
     variant.fitted > 0 && variant.nonlinear.iter().zip(&bounds).any(|(x, b)| is_far(b) && beyond(x, b))
+}
+
+/// True if the interval of a place in the world reaches beyond the range in which it is sought: the
+/// recordings do not show where it is, and a law of another form may be what acts.
+pub(crate) fn is_nowhere(session: &Session<'_>, variant: &Variant<'_>, found: &Found) -> bool {
+    let bounds = variant.effect.nonlinear(session.scene, variant.target);
+    let beyond =
+        |b: &NonlinearParameter, e: &Estimate| e.ci95.is_none_or(|[low, high]| low < b.lower || high > b.upper);
+    let place = |b: &NonlinearParameter| matches!(b.kind, ParameterKind::PointInWorld(_));
+    bounds.iter().zip(&found.nonlinear).any(|(b, e)| place(b) && beyond(b, e))
 }
 
 /// True if `rival` becomes `simple` in its limit, and within the nearer half of its range it is

@@ -334,8 +334,8 @@ pub struct Discovery {
     /// it.
     #[serde(default)]
     pub open: Option<OpenWorld>,
-    /// What to correct before the answer and its sizes can be trusted; none where nothing has to be,
-    /// or where the answer explains what it rests on. It is the first piece of advice, too.
+    /// What to correct before the answer and its sizes can be trusted; none where nothing has to
+    /// be, or where the answer explains what it rests on. It is the first piece of advice, too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub to_correct: Option<String>,
     /// Laws of joints, from the torques in a robot's log; null without torques.

@@ -1,14 +1,13 @@
 //! A fitted law for users: constants with intervals, place, work, words, and the effect to add.
 
-use super::atlas::PlaceFrames;
-use super::fit::Fitted;
 use super::formula::is_curve;
-use super::kinematics::{Action, Variable};
+use super::kinematics::Variable;
 use super::law::{Law, PointIs};
 use super::near_joint::other_links;
-use super::result::{FoundLaw, LawKind, Work};
+use super::result::{FoundLaw, LawKind};
 use super::stated::Step;
 use super::wording;
+use super::work::work;
 use crate::result::Estimate;
 use crate::session::Session;
 use aloft_effects::{Effect, Target};
@@ -119,28 +118,5 @@ fn point_of(law: &Law, values: &[f64], fitted: &[Estimate]) -> Vec<Estimate> {
                 })
                 .collect()
         }
-    }
-}
-
-/// Work of a law over all flights.
-pub(super) fn work(session: &Session<'_>, f: &Fitted) -> Work {
-    let (point, anchor, parts) = f.law.divided(&f.nonlinear);
-    let frames = PlaceFrames::new(session, f.law.carrier, &point);
-    let (mut taken, mut absolute, mut size) = (0.0, 0.0, 0.0);
-    let mut strengths = Vec::new();
-    for (frame, at) in frames.series.iter().flatten() {
-        let v = f.vector(frame, at, &anchor, &parts, &mut strengths);
-        let rate = match f.law.action {
-            Action::Force => at.velocity,
-            Action::Couple => at.omega,
-        };
-        let power = v.dot(&rate);
-        absolute += power.abs();
-        taken += (-power).max(0.0);
-        size += v.norm() * rate.norm();
-    }
-    Work {
-        taken: if absolute > 0.0 { taken / absolute } else { 0.0 },
-        share: if size > 0.0 { absolute / size } else { 0.0 },
     }
 }

@@ -347,9 +347,8 @@ pub(crate) fn curve(session: &Session<'_>, problem: &Problem, group: &Group) -> 
     fit(session, problem, &law, start, STEPS)
 }
 
-/// Simpler forms of a law that leave nearly the same error: an axis of the room for a point far away,
-/// the point at the centre of mass, a
-/// power that is a small integer or a half.
+/// Simpler forms of a law that leave nearly the same error: an axis of the room for a point far
+/// away, the point at the centre of mass, a power that is a small integer or a half.
 pub(crate) fn simplify(session: &Session<'_>, problem: &Problem, found: Fitted) -> Fitted {
     /// Largest growth of the squared error.
     const MORE: f64 = 1.02;

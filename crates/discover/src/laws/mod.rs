@@ -45,6 +45,7 @@ mod shape;
 mod stated;
 mod with_contact;
 mod wording;
+mod work;
 
 pub use kinematics::{Action, Carrier, Direction, Variable};
 pub use result::{Diagnosis, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Work};

@@ -112,7 +112,7 @@ pub(crate) fn next_recording(session: &Session<'_>, law: &Fitted, rival: &Fitted
         .filter(|(_, d)| d.is_finite())
         .max_by(|a, b| a.1.total_cmp(&b.1))
         .filter(|(_, there)| *there > WORTH * here)?;
-    let work = super::described::work(session, rival);
+    let work = super::work::work(session, rival);
     Some(NextRecording {
         rival: wording::law(session.scene, &rival.law, &rival.nonlinear, &rival.theta, work),
         rival_error_ratio: (rival.error() / law.error()).sqrt(),

@@ -10,7 +10,7 @@ use super::intervals::widened;
 use super::next::next_recording;
 use super::one_law::{OneLaw, one_law};
 use super::result::{Entry, FoundLaw, OpenWorld};
-use super::stated::{Rivals, Stated, Step, stated};
+use super::stated::{ANSWERED, Rivals, Stated, Step, stated};
 use super::with_contact::{Flights, OfBoth, in_use, with_contact};
 use super::wording;
 use crate::held_out::HeldOutResult;
@@ -24,8 +24,6 @@ use crate::thin::{FEWEST, with_at_most};
 use aloft_effects::{EffectInstance, Target};
 use nalgebra::DMatrix;
 
-/// Laws are the answer if they leave no more than this multiple of the floor.
-pub(super) const ANSWERED: f64 = 1.5;
 /// Share of the error that a further law may leave on a person.
 const FURTHER: f64 = 0.6;
 /// Most flights that the atlas is made of.

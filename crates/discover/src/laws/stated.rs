@@ -9,6 +9,8 @@ use crate::candidate::Variant;
 use crate::result::AgainstLaw;
 use crate::statistics::sign_flip_p;
 
+/// Laws are the answer if they leave no more than this multiple of the floor.
+pub(super) const ANSWERED: f64 = 1.5;
 /// Laws that leave more than this share of the error are not named.
 const PART: f64 = 0.5;
 /// Laws that leave more than this share of what the catalogue leaves are not named.

@@ -1,11 +1,11 @@
 //! The search beyond the catalogue in words.
 
-use super::described::work;
 use super::fit::Fitted;
 use super::kinematics::{Action, Direction, Variable};
 use super::law::{Law, PointIs};
 use super::result::{Diagnosis, LawKind, OpenWorld, Work};
-use super::search::ANSWERED;
+use super::stated::ANSWERED;
+use super::work::work;
 use crate::held_out::HeldOutResult;
 use crate::result::{Discovery, Estimate};
 use crate::session::Session;
