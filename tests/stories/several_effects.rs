@@ -1,7 +1,7 @@
 //! Several effects, added one after the other; loads carried only in some recordings; the
 //! comparison's breakdown of the error.
 
-use crate::support::{expect, folder, json, lab, repo};
+use crate::support::{expect, folder, json, lab, repo, unwrapped};
 use serde_json::Value;
 use std::fs;
 
@@ -43,7 +43,10 @@ fn drag_and_tilt_are_added_one_after_the_other() {
     assert!(keys[0].starts_with("gravity_tilt") && keys[1].starts_with("quadratic_drag"), "{keys:?}");
 
     let add = |key: &str| expect(&[&["effect", "add", words[0], key], &words[1..]].concat(), 0);
-    add(keys[1]);
+    let (out, said) = add(keys[1]);
+    let said = unwrapped((out + &said).as_bytes());
+    let rest = said.split("next: aloft effect add").nth(1).unwrap_or_else(|| panic!("no second effect: {said}"));
+    assert!(rest.contains(keys[0]), "the answer named both, and is not asked for again: {rest}");
     let second = json(&[&["discover"], &words[..], &["--json"]].concat());
     // with drag in the model a wind looks like a tilt: the answer is a class, of which the tilt has
     // the fewest unknowns

@@ -331,6 +331,18 @@ pub fn latest(session: &SubjectSession) -> Option<Discovery> {
     answer.filter(|d| d.made_from == looked_at(session)).map(|d| d.answer)
 }
 
+/// The last stored answer for an earlier model, if it was computed from the present results, with
+/// the keys of the effects that this model held.
+pub fn earlier(session: &SubjectSession) -> Option<(Discovery, Vec<String>)> {
+    let all = Revisions::load(&session.workspace).ok()?.revisions;
+    let from = looked_at(session);
+    (0..all.len().saturating_sub(1)).rev().find_map(|n| {
+        let answer: Option<Kept<Discovery>> = seal::read_if_there(&answer_of(session, n)).ok()?;
+        let held = all[n].effects.iter().map(|e| e.key.clone()).collect();
+        answer.filter(|d| d.made_from == from).map(|d| (d.answer, held))
+    })
+}
+
 /// Largest share of the error in contact that laws may leave of what the best effect of the
 /// catalogue leaves there, if they are to explain what looks like a wrong mass.
 const FAR_LESS: f64 = 0.5;

@@ -2,7 +2,7 @@
 //! propose the same.
 
 use crate::compare::ComparisonView;
-use crate::discover::latest;
+use crate::discover::{earlier, latest};
 use aloft_discover::{Discovery, Verdict};
 use aloft_study::subject_session::SubjectSession;
 
@@ -51,6 +51,15 @@ pub enum Because {
     Law,
 }
 
+/// Answers of `discover` on the present results.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Answers<'a> {
+    /// That for the present model.
+    pub present: Option<&'a Discovery>,
+    /// The last one for an earlier model, with the keys of the effects that it held.
+    pub earlier: Option<(&'a Discovery, &'a [String])>,
+}
+
 /// True if some error is not at its floor.
 pub fn is_above(view: &ComparisonView) -> bool {
     view.errors.iter().any(|e| e.at_floor == Some(false))
@@ -64,12 +73,50 @@ pub fn next_step(session: &SubjectSession, view: &ComparisonView, current: bool)
     if !view.limits.is_empty() {
         return NextStep::Record("record markers on the whole body, and jumps, to identify masses".to_owned());
     }
-    step(view, latest(session).as_ref(), &session.effects.iter().map(|e| e.key.as_str()).collect::<Vec<_>>())
+    let held: Vec<&str> = session.effects.iter().map(|e| e.key.as_str()).collect();
+    let present = latest(session);
+    let before = if present.is_none() { earlier(session) } else { None };
+    let answers = Answers { present: present.as_ref(), earlier: before.as_ref().map(|(d, keys)| (d, &keys[..])) };
+    step(view, answers, &held)
 }
 
-/// The next step, given the answer of `discover` for the present model and results (none if it was
-/// not asked) and the keys of the effects that the model holds.
-pub fn step(view: &ComparisonView, answer: Option<&Discovery>, held: &[&str]) -> NextStep {
+/// The first effect or law that an answer names and the model does not hold. What is not shown to
+/// be the cause is not proposed.
+fn to_add(d: &Discovery, held: &[&str]) -> Option<NextStep> {
+    let because = match d.verdict {
+        Verdict::Supported => Because::Named,
+        Verdict::OneOf => Because::OneOf,
+        Verdict::Unexplained => Because::Law,
+        Verdict::NothingMissing | Verdict::NotDetectable => return None,
+    };
+    let key = named_by(d).into_iter().find(|k| !held.contains(k))?;
+    Some(NextStep::Add { key: key.to_owned(), because })
+}
+
+/// Keys of the effects, or identifiers of the laws, that an answer says to add.
+fn named_by(d: &Discovery) -> Vec<&str> {
+    match d.verdict {
+        Verdict::Supported | Verdict::OneOf => d.found.iter().map(|f| f.key.as_str()).collect(),
+        Verdict::Unexplained => {
+            d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).map(|l| l.id.as_str()).collect()
+        }
+        Verdict::NothingMissing | Verdict::NotDetectable => Vec::new(),
+    }
+}
+
+/// What an answer for an earlier model, which held `then`, named and the present model lacks: if
+/// all that was added since is of that answer, it has not to be asked again.
+fn still_to_add(d: &Discovery, then: &[String], held: &[&str]) -> Option<NextStep> {
+    let named = named_by(d);
+    let grown = held.len() > then.len() && then.iter().all(|k| held.contains(&k.as_str()));
+    let own = held.iter().all(|k| then.iter().any(|t| t == k) || named.contains(k));
+    to_add(d, held).filter(|_| grown && own)
+}
+
+/// The next step, given what `discover` answered on the present results and the keys of the effects
+/// that the model holds.
+pub fn step(view: &ComparisonView, answers: Answers<'_>, held: &[&str]) -> NextStep {
+    let answer = answers.present;
     let known = view.to_correct.as_ref();
     let what = match answer {
         Some(d) => d.to_correct.clone(),
@@ -83,30 +130,32 @@ pub fn step(view: &ComparisonView, answer: Option<&Discovery>, held: &[&str]) ->
         return NextStep::Correct { what: prior.clone(), offered: false };
     }
     let Some(d) = answer else {
+        let rest = answers.earlier.filter(|_| is_above(view)).and_then(|(d, then)| still_to_add(d, then, held));
+        if let Some(rest) = rest {
+            return rest;
+        }
         return match (is_above(view), view.too_few_to_ask()) {
             (_, true) => NextStep::Record(record.unwrap_or_else(|| "record more flights".to_owned())),
             (true, false) => NextStep::Discover { record },
             (false, false) => record.map_or(NextStep::Use, NextStep::Record),
         };
     };
-    let found = d.found.iter().map(|f| &f.key).find(|k| !held.contains(&k.as_str()));
-    let law = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).map(|l| &l.id);
-    let law = law.into_iter().find(|id| !held.contains(&id.as_str()));
+    if let Some(next) = to_add(d, held) {
+        return next;
+    }
     let joint = d.joints.as_ref().and_then(|j| {
         let key = j.found.iter().map(|f| &f.key).find(|k| !held.contains(&k.as_str()))?;
         let finding = j.joints.iter().find(|f| key.ends_with(&format!("[{}]", f.joint)))?;
         let because = if finding.verdict == Verdict::OneOf { Because::OneOf } else { Because::Named };
         Some(NextStep::Add { key: key.clone(), because })
     });
-    // what is not shown to be the cause is not proposed
-    match (d.verdict, found, law) {
-        (Verdict::Supported, Some(key), _) => NextStep::Add { key: key.clone(), because: Because::Named },
-        (Verdict::OneOf, Some(key), _) => NextStep::Add { key: key.clone(), because: Because::OneOf },
-        (Verdict::Unexplained, _, Some(id)) => NextStep::Add { key: id.clone(), because: Because::Law },
-        (Verdict::NothingMissing | Verdict::NotDetectable, None, None) if joint.is_some() => {
+    match d.verdict {
+        Verdict::NothingMissing | Verdict::NotDetectable
+            if joint.is_some() && d.found.iter().all(|f| held.contains(&f.key.as_str())) =>
+        {
             joint.unwrap_or(NextStep::Look)
         }
-        (Verdict::NothingMissing, ..) if !is_above(view) => record.map_or(NextStep::Use, NextStep::Record),
+        Verdict::NothingMissing if !is_above(view) => record.map_or(NextStep::Use, NextStep::Record),
         _ => match (d.advice.first(), record) {
             (Some(advice), _) => NextStep::Advised(advice.clone()),
             (None, Some(record)) => NextStep::Record(record),

@@ -1,6 +1,6 @@
 //! The first screen: how wrong the model is, where, what is missing, how sure, what to do next.
 
-use super::place_errors::{self, PlaceError, asked, effects, errors_by_place};
+use super::place_errors::{self, PlaceError, answers, asked, effects, errors_by_place};
 use super::session;
 use super::story::Story;
 use super::sureness::{how_sure, laws, missing, named, with_links};
@@ -249,7 +249,7 @@ fn next(story: &Story<'_>) -> Fact {
         return with("Search for missing effects.", command(s, "status", None));
     };
     let held: Vec<&str> = effects(story).iter().map(String::as_str).collect();
-    match step(view, asked(story), &held) {
+    match step(view, answers(story), &held) {
         NextStep::Run => with("Bring the results up to date.", command(s, "run", None)),
         NextStep::Correct { what, offered } => {
             let verb = if offered { "check" } else { "run" };

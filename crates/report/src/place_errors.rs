@@ -6,6 +6,7 @@ use super::story::Story;
 use aloft_analysis::compare::JudgedOn;
 use aloft_analysis::held_out::HeldOutError;
 use aloft_analysis::history::HistoryRow;
+use aloft_analysis::next_step::Answers;
 use aloft_compare::Signal;
 use aloft_discover::{Discovery, Verdict};
 use aloft_page::Light;
@@ -106,6 +107,15 @@ pub fn asked<'s>(story: &'s Story<'_>) -> Option<&'s Discovery> {
     let (revision, kept) = story.discoveries.last()?;
     let present = story.history.revisions.last().map_or(0, |r| r.revision);
     (*revision == present && kept.made_from == story.looked_at).then_some(&kept.answer)
+}
+
+/// The answers of `discover` on these results, for the present model and for an earlier one.
+pub fn answers<'s>(story: &'s Story<'_>) -> Answers<'s> {
+    let revisions = &story.history.revisions;
+    let present = revisions.last().map_or(0, |r| r.revision);
+    let earlier = story.discoveries.iter().rev().find(|(n, d)| *n < present && d.made_from == story.looked_at);
+    let held = |n: usize| revisions.iter().find(|r| r.revision == n).map(|r| &r.effects[..]);
+    Answers { present: asked(story), earlier: earlier.and_then(|(n, d)| Some((&d.answer, held(*n)?))) }
 }
 
 /// Effects of the present model.
