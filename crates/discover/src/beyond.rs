@@ -76,8 +76,9 @@ pub(crate) fn look_beyond(
     }
     session.counter.so_far(&wording::so_far(out, session.model_error[0], left[0]));
     let first = out.rounds.first().map_or(&out.candidates, |r| &r.candidates);
-    // what contact contradicts is no rival
-    let single = first.iter().filter(|c| !c.placebo && !refuted).map(|c| c.held_out_ratio).fold(1.0, f64::min);
+    // what contact contradicts is no rival, nor is what is physically impossible
+    let possible = first.iter().filter(|c| c.plausible && !c.placebo && !refuted);
+    let single = possible.map(|c| c.held_out_ratio).fold(1.0, f64::min);
     let ratio = (out.held_out_error_after / out.held_out_error).min(single);
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
     let unknowns: usize = kept.iter().map(Variant::unknowns).sum();

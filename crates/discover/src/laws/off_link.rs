@@ -4,10 +4,15 @@
 //! near it move alike. With a free point, a law on the head can act at the shoulder, and describe a
 //! force on the upper arm nearly as well as a law on the upper arm does.
 
-use super::fit::Fitted;
+use super::atlas::PlaceFrames;
+use super::fit::{self, Fitted, STEPS};
 use super::kinematics::{Action, Carrier};
+use super::law::{Law, PointIs};
+use crate::problem::Problem;
+use crate::session::Session;
 use aloft_effects::Scene;
 use nalgebra::Vector3;
+use rayon::prelude::*;
 
 /// Laws on another link that leave no more than this multiple of the error are not excluded.
 pub(super) const ALSO: f64 = 1.05;
@@ -23,6 +28,31 @@ pub(super) fn on_its_link(scene: &Scene, laws: &[Fitted]) -> Option<usize> {
     let as_good = |l: &&Fitted| l.law.action == best.law.action && l.error() <= ALSO * ALSO * best.error();
     let at = laws.iter().take_while(as_good).position(|l| !is_off(scene, l));
     Some(at.unwrap_or(0))
+}
+
+/// The best of `laws` on the links next to its own, if its point is not on its link. The point
+/// starts at its mean place in the other link.
+pub(super) fn on_neighbours(session: &Session<'_>, problem: &Problem, laws: &[Fitted]) -> Vec<Fitted> {
+    let Some(best) = laws.first().filter(|l| is_off(session.scene, l) && l.law.point_is == PointIs::Free) else {
+        return Vec::new();
+    };
+    let Carrier::Link(own) = best.law.carrier else { return Vec::new() };
+    let (point, _, _) = best.law.divided(&best.nonlinear);
+    let frames = PlaceFrames::new(session, best.law.carrier, &point);
+    let links = &session.scene.model.links;
+    let next = |i: &usize| links[*i].parent == Some(own) || links[own].parent == Some(*i);
+    let neighbours: Vec<usize> = (0..links.len()).filter(next).collect();
+    let on = |link: usize| {
+        let places = frames.series.iter().flatten().map(|(frame, at)| {
+            let there = &frame.links[link];
+            there.rotation.tr_mul(&(at.position - there.origin))
+        });
+        let (sum, count) = places.fold((Vector3::zeros(), 0.0), |(sum, n), p| (sum + p, n + 1.0));
+        let law = Law { carrier: Carrier::Link(link), point: sum / f64::max(count, 1.0), ..best.law.clone() };
+        let start = law.point.iter().chain(&best.nonlinear[3..]).copied().collect();
+        fit::fit(session, problem, &law, start, STEPS)
+    };
+    neighbours.into_par_iter().filter_map(on).collect()
 }
 
 /// True if the point of a force lies farther from its link than a link is thick.

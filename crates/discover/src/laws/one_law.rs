@@ -6,7 +6,7 @@ use super::evidence::Evidence;
 use super::fit::{self, Fitted};
 use super::kinematics::{Action, Carrier, Variable};
 use super::law::{Factor, Law};
-use super::off_link::{ALSO, on_its_link};
+use super::off_link::{ALSO, on_its_link, on_neighbours};
 use super::shape::{KNOTS, Shape};
 use crate::problem::Problem;
 use crate::progress::Until;
@@ -43,6 +43,10 @@ pub(super) fn one_law(
     let mut laws = fit::laws(session, problem, evidence, groups, until);
     laws.extend(more);
     laws.sort_by(|a, b| a.error().total_cmp(&b.error()));
+    if session.prior.is_some() && !until.is_over() {
+        laws.extend(on_neighbours(session, problem, &laws));
+        laws.sort_by(|a, b| a.error().total_cmp(&b.error()));
+    }
     if let Some(at) = on_its_link(session.scene, &laws).filter(|_| session.prior.is_some()) {
         laws[..=at].rotate_right(1);
     }

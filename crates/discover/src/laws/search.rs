@@ -9,9 +9,9 @@ use super::fit::{self, Fitted, STEPS, TRIED};
 use super::intervals::widened;
 use super::next::next_recording;
 use super::one_law::{OneLaw, one_law};
-use super::result::{Entry, FoundLaw, OpenWorld};
+use super::result::{Diagnosis, Entry, FoundLaw, NextRecording, OpenWorld};
 use super::stated::{ANSWERED, Rivals, Stated, Step, stated};
-use super::with_contact::{Flights, OfBoth, in_use, with_contact};
+use super::with_contact::{Flights, in_use, with_contact};
 use super::wording;
 use crate::held_out::HeldOutResult;
 use crate::options::DiscoverOptions;
@@ -21,7 +21,7 @@ use crate::result::{AgainstLaw, FEWEST_CLUSTERS};
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use crate::thin::{FEWEST, with_at_most};
-use aloft_effects::{EffectInstance, Target};
+use aloft_effects::{EffectInstance, Scene, Target};
 use nalgebra::DMatrix;
 
 /// Share of the error that a further law may leave on a person.
@@ -34,9 +34,34 @@ const MOST_FITTED: usize = 60;
 /// Largest number of laws.
 const ROUNDS: usize = 3;
 
+/// What a search works on.
+struct Searched<'s, 'a> {
+    /// Flights and contact that are in use.
+    everywhere: &'s Session<'a>,
+    /// The flights of these.
+    flights: &'s Session<'a>,
+    accepted: &'s [EffectInstance<'a>],
+    /// Columns of the model's effects in flight.
+    base: Vec<Vec<DMatrix<f64>>>,
+    until: &'s Until,
+    options: &'s DiscoverOptions,
+}
+
+/// What one round found.
+struct Round {
+    atlas: Atlas,
+    /// Number of flights or trials of the atlas.
+    clusters: usize,
+    diagnosis: Option<Diagnosis>,
+    law: Option<Step>,
+    /// The recording that tells the law from the next best one.
+    next: Option<NextRecording>,
+    against: Option<AgainstLaw>,
+}
+
 /// Searches for a law beyond the catalogue on what a model leaves in flight. `taken` are
-/// identifiers of effects that exist. `None` if there are no
-/// flights to search, or they do not determine the parameters.
+/// identifiers of effects that exist. `None` if there are no flights to search, or they do not
+/// determine the parameters.
 pub(crate) fn search(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],
@@ -46,105 +71,43 @@ pub(crate) fn search(
     options: &DiscoverOptions,
 ) -> Option<(OpenWorld, Option<AgainstLaw>)> {
     let everywhere = &in_use(session);
-    let session = &everywhere.in_flight();
-    let model_error = session.model_error[0];
-    let with_plates = session.model_error[1].is_some();
-    let model: Vec<String> = accepted.iter().map(|c| c.key(session.scene)).collect();
-    let base = columns_of(session, accepted, &[], Domain::Flight)?;
-    let plain = Problem::new(session, Domain::Flight, &base, options.fewest_trials, options.prior_weight).ok()?;
+    let flights = &everywhere.in_flight();
+    let base = columns_of(flights, accepted, &[], Domain::Flight)?;
+    let searched = Searched { everywhere, flights, accepted, base, until, options };
+    let model_error = flights.model_error[0];
+    let plain = searched.with(&[])?;
     if plain.clusters.len() < FEWEST_CLUSTERS {
         return None;
     }
-    let before: f64 = plain.folds.iter().map(|f| f.error).sum();
-    let person = session.prior.is_some();
-    let believed = if person { options.belief_kinematics } else { options.belief };
+    let before = squared_error(&plain);
     let mut laws: Vec<Step> = Vec::new();
-    let mut first: Option<(Atlas, usize)> = None;
-    let mut diagnosis = None;
-    let mut next = None;
+    let mut first: Option<Round> = None;
     let mut against = None;
     let mut left = before;
-    for round in 0..ROUNDS {
-        let problem = if round == 0 {
-            plain_again(session, &base, &[], options)?
-        } else {
-            plain_again(session, &base, &laws, options)?
-        };
-        let now: f64 = problem.folds.iter().map(|f| f.error).sum();
-        left = now;
-        if round > 0 && model_error.is_some_and(|s| s.noise_floor > 0.0 && at_floor(&s, now / before)) {
+    for number in 0..ROUNDS {
+        let problem = searched.with(&laws)?;
+        left = squared_error(&problem);
+        if number > 0 && model_error.is_some_and(|s| s.noise_floor > 0.0 && at_floor(&s, left / before)) {
             break;
         }
-        // a session of many flights is searched in some of them, and laws are fitted to all
-        let some = with_at_most(session, &problem, MOST_IN_ATLAS, FEWEST);
-        let (in_some, of_some) = some.as_ref().map_or((session, &problem), |(s, p, _)| (s, p));
-        let evidence = Evidence::new(of_some, DRAWS, options.seed ^ round as u64)?;
-        let made = atlas(in_some, of_some, &evidence);
-        let Some(best) = made.groups.first() else { break };
-        let as_good = made.null.iter().filter(|r| **r <= best.score.ratio).count();
-        let p = (as_good + 1) as f64 / (made.null.len() + 1) as f64;
-        let groups = fit::distinct(&made.groups, TRIED);
-        // errors that repeat in every trial of a person look like further laws
-        let believed = if round > 0 && person { believed.min(FURTHER) } else { believed };
-        // a free point or a second factor can remove more than a curve at the centre of mass
-        let may_do = if round == 0 { believed.sqrt() } else { believed };
-        let enough = best.score.ratio.sqrt() < may_do && p < 0.05;
-        if round == 0 && p < 0.05 && best.score.ratio.sqrt() < 0.97 {
-            let made = diagnose(in_some, of_some, &made, p);
-            session.counter.so_far(&format!("the error in flight looks like {}", made.text));
-            diagnosis = Some(made);
-        }
-        let mut law =
-            if enough { one_law_of_many(session, &problem, &evidence, &groups, until, options) } else { None };
-        let mut of_both = false;
-        let mut p = p;
-        if with_plates && !until.is_over() {
-            let flights = Flights {
-                session,
-                problem: &problem,
-                groups: &made.groups,
-                law: law.as_ref(),
-                lines: &catalogue.lines,
-                named: if round == 0 { catalogue.named } else { &[] },
-            };
-            let extra = columns_of(everywhere, accepted, &laws, Domain::Both)?;
-            if let Some(made) = with_contact(everywhere, &extra, &flights, believed, until, options) {
-                let OfBoth { law: better, p: by_chance, against: beside } = made;
-                (law, p, of_both) = (Some(better), by_chance, true);
-                against = against.or(beside);
-            }
-        }
-        if let Some(OneLaw { best: found, rival, also }) = law {
-            let ratio = (found.error() / now).sqrt();
-            let p_gain = sign_flip_p(
-                &found.errors,
-                &problem.folds.iter().map(|f| f.error).collect::<Vec<_>>(),
-                2000,
-                options.seed ^ 0x1a35,
-            );
-            if ratio < believed && p_gain < options.significance {
-                if round == 0 {
-                    next = rival.and_then(|r| next_recording(session, &found, &r));
-                }
-                session.counter.so_far(&wording::law_so_far(session, &found, ratio, round > 0));
-                laws.push(Step { fitted: found, ratio, p, also, of_both });
-            }
-        }
-        let count = laws.len();
-        if round == 0 {
-            first = Some((made, of_some.clusters.len()));
-        }
-        if count <= round || until.is_over() {
+        let Some(mut made) = searched.round(number, &problem, &laws, &catalogue)? else { break };
+        against = against.or(made.against.take());
+        let law = made.law.take();
+        first.get_or_insert(made);
+        let Some(law) = law else { break };
+        let of_law = law.fitted.error();
+        laws.push(law);
+        if until.is_over() {
             break;
         }
-        left = laws[count - 1].fitted.error();
+        left = of_law;
     }
     // unknowns of all laws together
-    let laws = refit(session, &base, laws, options);
-    if let Some(last) = plain_again(session, &base, &laws, options) {
-        left = if laws.is_empty() { before } else { last.folds.iter().map(|f| f.error).sum::<f64>().min(left) };
+    let laws = searched.refit(laws);
+    if let Some(last) = searched.with(&laws) {
+        left = if laws.is_empty() { before } else { squared_error(&last).min(left) };
     }
-    let (made, clusters) = first?;
+    let first = first?;
     let ratio = (left / before).sqrt();
     let after = model_error.map(|s| s.held_out_error * ratio);
     let times_floor = model_error.filter(|s| s.noise_floor > 0.0).map(|s| s.held_out_error * ratio / s.noise_floor);
@@ -153,46 +116,17 @@ pub(crate) fn search(
     let of_both = laws.len() == 1 && laws[0].of_both;
     let against = against.filter(|_| of_both);
     let Stated { named, complete } = stated(&laws, ratio, within_floor, &catalogue, against.as_ref(), options.seed);
-    let found: Vec<FoundLaw> = if named {
-        let mut ids: Vec<String> = taken.iter().map(|t| (*t).to_owned()).collect();
-        let describe = |(i, l): (usize, &Step)| {
-            let domain = if l.of_both { Domain::Both } else { Domain::Flight };
-            let mut others = laws.clone();
-            others.remove(i);
-            let of = |laws: &[Step]| columns_of(everywhere, accepted, laws, domain);
-            let models = of(&others).zip(of(&laws));
-            describe(session, &mut ids, l, &|estimates| {
-                if let Some((others, whole)) = &models {
-                    widened(everywhere, domain, others, whole, &l.fitted, estimates, options);
-                }
-            })
-        };
-        laws.iter().enumerate().map(describe).collect()
-    } else {
-        Vec::new()
-    };
-    let mut null: Vec<f64> = made.null.iter().map(|r| r.sqrt()).collect();
-    null.sort_by(f64::total_cmp);
-    let atlas = fit::distinct(&made.groups, 10)
-        .into_iter()
-        .map(|g| Entry {
-            carrier: g.carrier.name(session.scene),
-            action: g.action,
-            direction: g.direction,
-            variable: variable_of(g, session.scene),
-            held_out_ratio: g.score.ratio.sqrt(),
-        })
-        .collect();
+    let found = if named { searched.described(&laws, taken) } else { Vec::new() };
     let ratio = if named { ratio } else { 1.0 };
     let held_out_error_after = after.filter(|_| named).or(model_error.map(|s| s.held_out_error)).unwrap_or(ratio);
     let mut out = OpenWorld {
-        model,
-        entries: made.tried,
-        clusters,
-        by_chance: null.get(null.len() / 20).copied().unwrap_or(f64::NAN),
-        diagnosis,
-        atlas,
-        next: next.filter(|_| !found.is_empty()),
+        model: accepted.iter().map(|c| c.key(session.scene)).collect(),
+        entries: first.atlas.tried,
+        clusters: first.clusters,
+        by_chance: by_chance(&first.atlas),
+        diagnosis: first.diagnosis,
+        atlas: entries(&first.atlas, session.scene),
+        next: first.next.filter(|_| !found.is_empty()),
         laws: found,
         complete,
         times_floor_after: if named { times_floor } else { model_error.map(|s| s.held_out_error / s.noise_floor) },
@@ -204,6 +138,146 @@ pub(crate) fn search(
     };
     out.words = wording::answer(&out);
     Some((out, against))
+}
+
+impl Searched<'_, '_> {
+    /// The problem with laws in the model.
+    fn with(&self, laws: &[Step]) -> Option<Problem> {
+        let mut extra = self.base.clone();
+        for Step { fitted: f, .. } in laws {
+            extra.push(self.flights.columns(&f.law, Target::Body, &f.nonlinear, Domain::Flight)?);
+        }
+        let options = self.options;
+        Problem::new(self.flights, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
+    }
+
+    /// One round on `problem`, which holds the laws of the rounds before: atlas, law in flight, law
+    /// of flights and contact. The inner `None`: nothing can be scored.
+    fn round(
+        &self,
+        number: usize,
+        problem: &Problem,
+        laws: &[Step],
+        catalogue: &Rivals<'_, '_>,
+    ) -> Option<Option<Round>> {
+        let Self { everywhere, flights: session, until, options, .. } = *self;
+        let person = session.prior.is_some();
+        // a session of many flights is searched in some of them, and laws are fitted to all
+        let some = with_at_most(session, problem, MOST_IN_ATLAS, FEWEST);
+        let (in_some, of_some) = some.as_ref().map_or((session, problem), |(s, p, _)| (s, p));
+        let evidence = Evidence::new(of_some, DRAWS, options.seed ^ number as u64)?;
+        let atlas = atlas(in_some, of_some, &evidence);
+        let Some(best) = atlas.groups.first() else { return Some(None) };
+        let as_good = atlas.null.iter().filter(|r| **r <= best.score.ratio).count();
+        let mut p = (as_good + 1) as f64 / (atlas.null.len() + 1) as f64;
+        // errors that repeat in every trial of a person look like further laws
+        let believed = match (number, person) {
+            (0, true) => options.belief_kinematics,
+            (_, true) => options.belief_kinematics.min(FURTHER),
+            (_, false) => options.belief,
+        };
+        // a free point or a second factor can remove more than a curve at the centre of mass
+        let may_do = if number == 0 { believed.sqrt() } else { believed };
+        let diagnosis = (number == 0 && p < 0.05 && best.score.ratio.sqrt() < 0.97).then(|| {
+            let made = diagnose(in_some, of_some, &atlas, p);
+            session.counter.so_far(&format!("the error in flight looks like {}", made.text));
+            made
+        });
+        let groups = fit::distinct(&atlas.groups, TRIED);
+        let enough = best.score.ratio.sqrt() < may_do && p < 0.05;
+        let mut law = if enough { one_law_of_many(session, problem, &evidence, &groups, until, options) } else { None };
+        let (mut of_both, mut against) = (false, None);
+        if session.model_error[1].is_some() && !until.is_over() {
+            let flights = Flights {
+                session,
+                problem,
+                groups: &atlas.groups,
+                law: law.as_ref(),
+                lines: &catalogue.lines,
+                named: if number == 0 { catalogue.named } else { &[] },
+            };
+            let extra = columns_of(everywhere, self.accepted, laws, Domain::Both)?;
+            if let Some(made) = with_contact(everywhere, &extra, &flights, believed, until, options) {
+                (law, p, of_both, against) = (Some(made.law), made.p, true, made.against);
+            }
+        }
+        let mut out = Round { clusters: of_some.clusters.len(), atlas, diagnosis, law: None, next: None, against };
+        let Some(OneLaw { best: found, rival, also }) = law else { return Some(Some(out)) };
+        let ratio = (found.error() / squared_error(problem)).sqrt();
+        let without: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
+        let p_gain = sign_flip_p(&found.errors, &without, 2000, options.seed ^ 0x1a35);
+        if ratio < believed && p_gain < options.significance {
+            out.next = rival.filter(|_| number == 0).and_then(|r| next_recording(session, &found, &r));
+            session.counter.so_far(&wording::law_so_far(session, &found, ratio, number > 0));
+            out.law = Some(Step { fitted: found, ratio, p, also, of_both });
+        }
+        Some(Some(out))
+    }
+
+    /// All laws again, each beside the others.
+    fn refit(&self, mut laws: Vec<Step>) -> Vec<Step> {
+        if laws.len() < 2 {
+            return laws;
+        }
+        for _ in 0..2 {
+            // constants of a law of both are known better from all rows
+            for i in 0..laws.len() {
+                if laws[i].of_both {
+                    continue;
+                }
+                let mut others = laws.clone();
+                others.remove(i);
+                let Some(problem) = self.with(&others) else { continue };
+                let start = laws[i].fitted.nonlinear.clone();
+                if let Some(better) = fit::fit(self.flights, &problem, &laws[i].fitted.law, start, STEPS) {
+                    laws[i].fitted = better;
+                }
+            }
+        }
+        laws
+    }
+
+    /// Laws for users, each with intervals beside the others. `taken` are identifiers that exist.
+    fn described(&self, laws: &[Step], taken: &[&str]) -> Vec<FoundLaw> {
+        let mut ids: Vec<String> = taken.iter().map(|t| (*t).to_owned()).collect();
+        let one = |(i, l): (usize, &Step)| {
+            let domain = if l.of_both { Domain::Both } else { Domain::Flight };
+            let mut others = laws.to_vec();
+            others.remove(i);
+            let of = |laws: &[Step]| columns_of(self.everywhere, self.accepted, laws, domain);
+            let models = of(&others).zip(of(laws));
+            describe(self.flights, &mut ids, l, &|estimates| {
+                if let Some((others, whole)) = &models {
+                    widened(self.everywhere, domain, others, whole, &l.fitted, estimates, self.options);
+                }
+            })
+        };
+        laws.iter().enumerate().map(one).collect()
+    }
+}
+
+/// Squared held-out error of a problem.
+fn squared_error(problem: &Problem) -> f64 {
+    problem.folds.iter().map(|f| f.error).sum()
+}
+
+/// Share of the error that the best entry leaves in one of twenty patterns of random signs.
+fn by_chance(atlas: &Atlas) -> f64 {
+    let mut null: Vec<f64> = atlas.null.iter().map(|r| r.sqrt()).collect();
+    null.sort_by(f64::total_cmp);
+    null.get(null.len() / 20).copied().unwrap_or(f64::NAN)
+}
+
+/// The best entries of an atlas for users.
+fn entries(atlas: &Atlas, scene: &Scene) -> Vec<Entry> {
+    let of = |g: &Group| Entry {
+        carrier: g.carrier.name(scene),
+        action: g.action,
+        direction: g.direction,
+        variable: variable_of(g, scene),
+        held_out_ratio: g.score.ratio.sqrt(),
+    };
+    fit::distinct(&atlas.groups, 10).into_iter().map(of).collect()
 }
 
 /// True if a share of the squared error stands within the floor's interval.
@@ -224,20 +298,6 @@ fn columns_of(
         .collect()
 }
 
-/// The problem with laws in the model.
-fn plain_again(
-    session: &Session<'_>,
-    base: &[Vec<DMatrix<f64>>],
-    laws: &[Step],
-    options: &DiscoverOptions,
-) -> Option<Problem> {
-    let mut extra = base.to_vec();
-    for Step { fitted: f, .. } in laws {
-        extra.push(session.columns(&f.law, Target::Body, &f.nonlinear, Domain::Flight)?);
-    }
-    Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
-}
-
 /// [`one_law`]; in a session of many flights the form of the law is sought in some of them, and
 /// the law is fitted to all.
 fn one_law_of_many(
@@ -255,32 +315,4 @@ fn one_law_of_many(
         one_law(&some, &fewer, &Evidence::new(&fewer, DRAWS, options.seed)?, groups, Vec::new(), until)?;
     let again = |f: Fitted| fit::fit(session, problem, &f.law, f.nonlinear, STEPS);
     Some(OneLaw { best: again(best)?, rival: rival.and_then(again), also })
-}
-
-/// All laws again, each beside the others.
-fn refit(
-    session: &Session<'_>,
-    base: &[Vec<DMatrix<f64>>],
-    mut laws: Vec<Step>,
-    options: &DiscoverOptions,
-) -> Vec<Step> {
-    if laws.len() < 2 {
-        return laws;
-    }
-    for _ in 0..2 {
-        // constants of a law of both are known better from all rows
-        for i in 0..laws.len() {
-            if laws[i].of_both {
-                continue;
-            }
-            let mut others = laws.clone();
-            others.remove(i);
-            let Some(problem) = plain_again(session, base, &others, options) else { continue };
-            let start = laws[i].fitted.nonlinear.clone();
-            if let Some(better) = fit::fit(session, &problem, &laws[i].fitted.law, start, STEPS) {
-                laws[i].fitted = better;
-            }
-        }
-    }
-    laws
 }
