@@ -186,7 +186,8 @@ fn run_with(at: &Path, name: &str, effect: &str, stated_kg: f64) -> String {
     let path = |end: &str| at.join(format!("{name}{end}")).display().to_string();
     let (scenario, lab, pipeline, ws) = (path(".scenario.yaml"), path(""), path(".yaml"), path(".ws"));
     let person = "{sex: F, height_m: 1.66, mass_kg: 60.0}";
-    let text = format!("name: hidden\nseed: 35\nbody:\n  kind: human\n  person: {person}\nhidden: [{effect}]\n");
+    let body = format!("{{kind: human, person: {person}, protocol: {{jumps: 3, exercises: 2}}}}");
+    let text = format!("name: hidden\nseed: 35\nbody: {body}\nhidden: [{effect}]\n");
     fs::write(&scenario, text).unwrap();
     expect(&["simulate", &scenario, "--out", &lab], 0);
     let facts = fs::read_to_string(format!("{lab}/subject.yaml")).unwrap();
