@@ -70,8 +70,11 @@ fn a_mass_that_the_plates_contradict_comes_first() {
         let (shown, told) = expect(&[command, &path, "--workspace", &ws], 0);
         let told = unwrapped(told.as_bytes());
         assert!(shown.contains("poor") && !shown.contains("fair") && !shown.contains("at the floor"), "{shown}");
-        assert!(told.contains("next: aloft run"), "{command}: {told}");
+        assert!(told.contains("next: aloft check"), "{command}: {told}");
     }
+    let checked = json(&["check", &path, "--workspace", &ws, "--json"]);
+    let offered = checked["offers"].as_array().unwrap().iter().find(|o| o["key"] == "mass_kg");
+    assert!(offered.is_some(), "what comes first is offered: {}", checked["offers"]);
     let view = json(&["compare", &path, "--workspace", &ws, "--json"]);
     assert!(view["impulse_mass"]["wrong"].is_string());
     // an error near its floor that is judged poor says why in its own row
