@@ -18,6 +18,8 @@ ROOT = Path(__file__).resolve().parent.parent
 TOLERANCE = 0.2
 # processed laboratories that are kept: an answer is asked of the recordings that gave its scale
 KEPT = 12
+# effects or laws of one answer
+MOST_ADDED = 4
 
 
 def read_lines(path):
@@ -155,8 +157,8 @@ class Laboratories:
                 self.places.popitem(last=False)
         return folder, at
 
-    def compared(self, at):
-        return json.loads(call(self.aloft, "compare", self.pipeline, *at, "--json").stdout)
+    def compared(self, at, pipeline=None):
+        return json.loads(call(self.aloft, "compare", pipeline or self.pipeline, *at, "--json").stdout)
 
     @staticmethod
     def held_out(compared):
@@ -200,22 +202,24 @@ class Laboratories:
         return line
 
     def followed(self, folder, found):
-        """What the command proposed next adds, in a copy of the folder: the errors that were promised and those that all stages compute.
+        """What the proposed commands add, in a copy of the folder: the errors that were promised and those that all stages compute.
         None if nothing is proposed."""
         with tempfile.TemporaryDirectory() as copy:
             place = Path(copy) / "set"
             shutil.copytree(folder.name, place)
             data = sorted(place.glob("data*"))[-1]
             pipeline, at = copied(self.pipeline, place), ["--data", data, "--workspace", place / "ws"]
-            words = proposed(self.aloft, pipeline, at)
-            if not words:
+            added = []
+            # of several effects or laws the next one is proposed after the first was added
+            while len(added) < MOST_ADDED and (words := proposed(self.aloft, pipeline, at)):
+                added.append(words[-1])
+                done = call(self.aloft, *words)
+                if done.returncode:
+                    return {"added": added, "refused": done.stderr[-500:]}
+            if not added:
                 return None
-            done = call(self.aloft, *words)
-            if done.returncode:
-                return {"added": words[-1], "refused": done.stderr[-500:]}
-            view = json.loads(call(self.aloft, "compare", pipeline, *at, "--json").stdout)
             promised = {e["judged_on"]: e["held_out_error"] for e in found.get("errors_after", [])}
-            return {"added": words[-1], "promised": promised, "errors": {of: error for of, (error, _) in self.held_out(view).items()}}
+            return {"added": added, "promised": promised, "errors": {of: error for of, (error, _) in self.held_out(self.compared(at, pipeline)).items()}}
 
     def scale_for(self, scenarios_at, seed, twin, wanted, guess, judged_on="flight"):
         """Scale of what is hidden at which the error is `wanted` times that of the twin: (scale, strength) or None.

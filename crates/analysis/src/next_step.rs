@@ -105,7 +105,7 @@ fn named_by(d: &Discovery) -> Vec<&str> {
 }
 
 /// What an answer for an earlier model, which held `then`, named and the present model lacks: if
-/// all that was added since is of that answer, it has not to be asked again.
+/// all that was added since is of that answer, there is no need to ask again.
 fn still_to_add(d: &Discovery, then: &[String], held: &[&str]) -> Option<NextStep> {
     let named = named_by(d);
     let grown = held.len() > then.len() && then.iter().all(|k| held.contains(&k.as_str()));

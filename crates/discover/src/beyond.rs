@@ -6,7 +6,7 @@ use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
 use crate::laws::{Direction, FoundLaw, Line, OpenWorld};
-use crate::only_as_limit::{is_far_away, is_nowhere};
+use crate::only_as_limit::{has_unknown_place, is_far_away};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
@@ -61,9 +61,9 @@ pub(crate) fn look_beyond(
     let above_in_contact = acting && left[1].as_ref().is_some_and(HeldOutResult::is_above);
     let compared_there = acting && session.prior.is_some() && left[1].is_some();
     let above = |s: &HeldOutResult| s.may_hide_more() || compared_there && s.times_floor() > 1.0;
-    // so is an anchor whose place is not known
-    let nowhere = kept.iter().zip(&out.found).any(|(v, f)| is_nowhere(session, v, f));
-    let may_hide = far_away || nowhere || above_in_contact || left[0].as_ref().is_some_and(above);
+    // so is an anchor whose place the recordings do not show
+    let unknown_place = kept.iter().zip(&out.found).any(|(v, f)| has_unknown_place(session, v, f));
+    let may_hide = far_away || unknown_place || above_in_contact || left[0].as_ref().is_some_and(above);
     let hides = far_in_contact || with_effects.is_some() && may_hide;
     if !(remains || several_above || hides || out.misfit.is_some()) {
         return;

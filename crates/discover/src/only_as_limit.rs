@@ -81,7 +81,7 @@ pub(crate) fn is_far_away(session: &Session<'_>, variant: &Variant<'_>) -> bool 
 
 /// True if the interval of a place in the world reaches beyond the range in which it is sought: the
 /// recordings do not show where it is, and a law of another form may be what acts.
-pub(crate) fn is_nowhere(session: &Session<'_>, variant: &Variant<'_>, found: &Found) -> bool {
+pub(crate) fn has_unknown_place(session: &Session<'_>, variant: &Variant<'_>, found: &Found) -> bool {
     let bounds = variant.effect.nonlinear(session.scene, variant.target);
     let beyond =
         |b: &NonlinearParameter, e: &Estimate| e.ci95.is_none_or(|[low, high]| low < b.lower || high > b.upper);

@@ -30,8 +30,8 @@ pub(super) fn on_its_link(scene: &Scene, laws: &[Fitted]) -> Option<usize> {
     Some(at.unwrap_or(0))
 }
 
-/// The best of `laws` on the links next to its own, if its point is not on its link. The point
-/// starts at its mean place in the other link.
+/// The best of `laws`, fitted on each of the links next to its own; none if its point is on its
+/// link. The fit starts at the mean place of the point in the other link.
 pub(super) fn on_neighbours(session: &Session<'_>, problem: &Problem, laws: &[Fitted]) -> Vec<Fitted> {
     let Some(best) = laws.first().filter(|l| is_off(session.scene, l) && l.law.point_is == PointIs::Free) else {
         return Vec::new();
