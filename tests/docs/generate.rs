@@ -449,6 +449,29 @@ fn generated_pages_are_those_of_the_code() {
     assert!(stale.is_empty(), "stale pages in docs/:\n  {}\n{AGAIN}", stale.join("\n  "));
 }
 
+/// The table of what formulas may name.
+fn quantities_table() -> String {
+    let mut out = "| quantity | unit | meaning |\n|---|---|---|\n".to_owned();
+    for g in aloft_effects::quantities() {
+        let names: Vec<String> = g.each().map(|name| format!("`{name}`")).collect();
+        out += &format!("| {} | {} | {} |\n", names.join(" "), g.unit, g.meaning);
+    }
+    out + "| `q_<link>` `qd_<link>` | rad, rad/s (m, m/s) | coordinate and rate of a hinge (slide) |\n"
+}
+
+#[test]
+fn the_book_lists_the_quantities_of_formulas() {
+    let (path, table) = (docs().join("effects.md"), quantities_table());
+    let page = std::fs::read_to_string(&path).unwrap();
+    if updating() {
+        let start = page.find("| quantity |").unwrap();
+        let end = start + page[start..].find("\n\n").unwrap() + 1;
+        std::fs::write(&path, [&page[..start], &table, &page[end..]].concat()).unwrap();
+    } else {
+        assert!(page.contains(&table), "{} has another table of quantities; {AGAIN}", path.display());
+    }
+}
+
 #[test]
 fn every_stage_effect_and_format_has_its_page() {
     let pages = pages();

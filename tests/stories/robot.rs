@@ -170,7 +170,7 @@ fn a_robot_goes_from_logs_to_a_patched_model_file() {
     for end in ["urdf", "xml"] {
         let before = fs::read_to_string(repo(&format!("fixtures/robot/model/nominal.{end}"))).unwrap();
         let after = fs::read_to_string(out.join(format!("Models/nominal_identified.{end}"))).unwrap();
-        assert!(after.contains("<!-- inertias from drawings -->") && after.contains("6 flights of 2 recordings"));
+        assert!(after.contains("<!-- inertias from drawings -->") && after.contains("6 flights in 2 recordings"));
         // lines without inertials are those of the file
         let quiet = |text: &str| -> Vec<String> {
             let keep = |l: &&str| !l.contains("inertial") && !l.contains(" kg");

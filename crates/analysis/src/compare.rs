@@ -112,6 +112,8 @@ pub struct ParametersBrief {
     pub sigma: Sigma,
     /// Number of flights used.
     pub flights: usize,
+    /// Flights, and stretches of contact where these were used, in words.
+    pub identified_from: String,
     /// Number of trials used.
     pub trials: usize,
     /// Base parameters whose values come from motion.
@@ -160,7 +162,8 @@ impl ParametersBrief {
             mass_kg: p.mass_kg,
             sigma_ratio: p.sigma.ratio,
             sigma: p.sigma,
-            flights: p.n_stretches,
+            flights: p.n_flights(),
+            identified_from: p.stretches(),
             nothing: None,
         }
     }
@@ -180,6 +183,7 @@ impl ParametersBrief {
             sigma_ratio: none,
             sigma: Sigma { max: none, second: none, min: none, ratio: none },
             flights: 0,
+            identified_from: String::new(),
             nothing: Some(why),
         }
     }
@@ -217,7 +221,7 @@ fn noisy(comparison: &Comparison, weight_n: f64) -> Option<String> {
 
 /// What to record where the motion determined too little; none where the gate passed.
 fn to_do(p: &Parameters) -> Option<String> {
-    let flights = format!("record more flights ({} now)", p.n_stretches);
+    let flights = format!("record more flights ({} now)", p.n_flights());
     (!p.gate.passed).then(|| match &p.gate.next_motion {
         Some(motion) => format!("{flights}, first: {motion}"),
         None => format!("{flights}, with faster motion of all limbs"),

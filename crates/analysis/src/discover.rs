@@ -381,7 +381,8 @@ fn found(
         options.without.extend(shown);
     }
     let last: Mutex<Option<LastComputed>> = Mutex::new(None);
-    let ids = |laws: &[&FoundLaw]| laws.iter().map(|l| format!("{} {:?}", l.id, l.effect.acts)).collect::<Vec<_>>();
+    let id_of = |l: &&FoundLaw| format!("{} {:?} {}", l.id, l.effect.acts, l.sized_with_contact);
+    let ids = |laws: &[&FoundLaw]| laws.iter().map(id_of).collect::<Vec<_>>();
     let by_stages = |found: &[Found], laws: &[&FoundLaw]| {
         let made = promised(session, found, laws, volume).ok()??;
         let of = |place| made.errors.iter().find(|e| e.judged_on == place).and_then(standing_of);

@@ -8,7 +8,7 @@ use crate::joint_laws::{joint_errors, refuse_without_torques};
 use crate::scene::scene;
 use crate::unknowns::{self, Examples};
 use crate::visible::refuse_invisible;
-use aloft_discover::{Discovery, Estimate, Found, FoundLaw};
+use aloft_discover::{Discovery, Estimate, Found, FoundLaw, Group};
 use aloft_effects::{ActsIn, EFFECTS, EffectInstance, EffectKind, Family, FormulaEffect, Scene};
 use aloft_pipeline::ready_made::Replacing;
 use aloft_pipeline::runner::{Ended, Progress, RunReport, TaskReport, run_held};
@@ -398,7 +398,7 @@ fn stored(key: &str, nonlinear: BTreeMap<String, f64>, coefficients: &[Estimate]
         nonlinear,
         trials: trials.to_vec(),
         widening: coefficients.iter().filter(|e| e.widening > 1.0).map(|e| (e.name.clone(), e.widening)).collect(),
-        volume_m: None,
+        ..ModelEffect::default()
     }
 }
 
@@ -408,12 +408,14 @@ fn values(estimates: &[Estimate]) -> BTreeMap<String, f64> {
 
 /// An effect that a discovery found, as the model stores it.
 pub(crate) fn of_found(f: &Found) -> ModelEffect {
-    stored(&f.key, values(&f.nonlinear), &f.coefficients, &f.trials)
+    let effect = stored(&f.key, values(&f.nonlinear), &f.coefficients, &f.trials);
+    ModelEffect { sized_with_contact: f.sized_with_contact, ..effect }
 }
 
 /// A law that a discovery found, as the model stores it.
 pub(crate) fn of_law(law: &FoundLaw) -> ModelEffect {
-    stored(&law.id, values(&law.parameters), &law.coefficients, &[])
+    let effect = stored(&law.id, values(&law.parameters), &law.coefficients, &[]);
+    ModelEffect { sized_with_contact: law.sized_with_contact, ..effect }
 }
 
 /// What the last discovery found for an effect: its key with target, its nonlinear parameters and
@@ -421,7 +423,12 @@ pub(crate) fn of_law(law: &FoundLaw) -> ModelEffect {
 pub(crate) fn suggestion(d: &Discovery, key: &str) -> Option<ModelEffect> {
     let candidate = || {
         let c = d.candidates.iter().find(|c| c.key == key || c.effect == key)?;
-        Some(stored(&c.key, values(&c.nonlinear), &c.coefficients, &c.trials))
+        // one of a class is sized from the same recordings as the effect that was found
+        let in_class = |g: &&Group| g.effects.contains(&c.effect);
+        let class = d.groups.iter().find(in_class).map_or(&[][..], |g| &g.effects);
+        let sized_with_contact = d.found.iter().any(|f| f.sized_with_contact && class.contains(&f.effect));
+        let effect = stored(&c.key, values(&c.nonlinear), &c.coefficients, &c.trials);
+        Some(ModelEffect { sized_with_contact, ..effect })
     };
     let found = d.found.iter().find(|f| f.key == key || f.effect == key).map(of_found);
     let joint = || {

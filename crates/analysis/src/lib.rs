@@ -39,6 +39,7 @@ pub mod simulate;
 pub mod status;
 mod stored_columns;
 pub mod summary;
+mod switch_contact;
 pub mod switch_kernel;
 mod switch_pools;
 mod switch_rows;

@@ -155,10 +155,10 @@ fn identification(session: &SubjectSession, ws: &Workspace) -> Result<String, Pi
     if let Ok(found) = parameters(session, None) {
         let p = &found.parameters;
         t.push_str(&format!(
-            " Base parameters ({}) were identified from {} flights of {} trials with {} rows ({} estimator), after Ayusawa, Venture and Nakamura (2010); \
+            " Base parameters ({}) were identified from {} in {} trials with {} rows ({} estimator), after Ayusawa, Venture and Nakamura (2010); \
              the body mass of {} kg fixed the scale, and σ(N−1)/σ(N) was {:.1}.",
             p.base.len(),
-            p.n_stretches,
+            p.stretches(),
             p.n_trials,
             if found.rows_used == "weak" { "weak-form momentum" } else { "acceleration" },
             p.estimator.name().replace('_', " "),

@@ -3,35 +3,13 @@
 
 use crate::effect::Asked;
 use aloft_body::JointKind;
-use aloft_effects::{EFFECTS, EffectsError, FormulaEffect};
+use aloft_effects::{EFFECTS, EffectsError, FormulaEffect, quantities};
 use aloft_study::effects::OwnEffect;
 use aloft_study::ranges;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use serde::Serialize;
 use std::path::PathBuf;
-
-/// Quantities of formulas with their units, without those of joints.
-const QUANTITIES: [(&str, &str); 18] = [
-    ("v_x v_y v_z speed", "m/s"),
-    ("a_x a_y a_z", "m/s^2"),
-    ("r_x r_y r_z", "m"),
-    ("omega_x omega_y omega_z spin", "1/s"),
-    ("alpha_x alpha_y alpha_z", "1/s^2"),
-    ("v_world_x v_world_y v_world_z", "m/s"),
-    ("v_link_x v_link_y v_link_z", "m/s"),
-    ("omega_world_x omega_world_y omega_world_z", "1/s"),
-    ("omega_link_x omega_link_y omega_link_z", "1/s"),
-    ("tilt_x tilt_y tilt_z", "1"),
-    ("com_x com_y com_z", "m"),
-    ("comv_x comv_y comv_z", "m/s"),
-    ("t since_start since_landing to_end", "s"),
-    ("mass link_mass", "kg"),
-    ("area_share", "1"),
-    ("air_density", "kg/m^3"),
-    ("gravity", "m/s^2"),
-    ("pi", "1"),
-];
 
 /// Functions of one argument.
 const FUNCTIONS: [&str; 12] =
@@ -54,14 +32,13 @@ pub struct Vocabulary {
 /// The body cannot be read.
 pub fn vocabulary(session: &SubjectSession) -> Result<Vocabulary, PipelineError> {
     let scene = Asked::read(session)?.scene(session)?;
-    let each =
-        QUANTITIES.iter().flat_map(|(names, unit)| names.split(' ').map(move |n| (n.to_owned(), (*unit).to_owned())));
+    let each = quantities().flat_map(|g| g.each().map(move |name| (name.to_owned(), g.unit.to_owned())));
     let mut quantities: Vec<(String, String)> = each.collect();
     let mut links = vec!["body".to_owned(), "all".to_owned()];
     for link in &scene.model.links {
         links.push(link.name.clone());
         let unit = match link.joint.kind {
-            JointKind::Revolute(_) => ["1", "1/s"],
+            JointKind::Revolute(_) => ["rad", "rad/s"],
             JointKind::Prismatic(_) => ["m", "m/s"],
             _ => continue,
         };

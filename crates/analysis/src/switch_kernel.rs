@@ -7,13 +7,12 @@
 //! [`Switches::model`] computes, with the same weights of prior and contact.
 
 use crate::held_out::weight_n;
+use crate::switch_contact::uses_contact;
 use crate::switch_pools::Merged;
 use crate::switch_rows::Judged;
-use crate::switches::{Switch, Switches};
+use crate::switches::{LeftOut, Switch, Switched, Switches};
 use aloft_compare::Floor;
 use aloft_identify::RotatedRows;
-use aloft_study::revision::ModelEffect;
-use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -51,8 +50,16 @@ pub struct SwitchKernel {
     pub switches: Vec<Switch>,
     /// Number of columns of each switch.
     pub columns: Vec<usize>,
-    /// True for a switch that takes contact into identification, which a page cannot weigh.
-    pub by_a_run: Vec<bool>,
+    /// True for a switch whose models are identified from contact, too.
+    pub with_contact: Vec<bool>,
+    /// Whether a model without effects is identified from contact, too.
+    pub always_contact: bool,
+    /// Whether contact is in the rows of this kernel. A choice of effects that needs it otherwise
+    /// is not computed from them.
+    pub contact: bool,
+    /// Models of such choices: the present model with one such switch flipped, and what the
+    /// discovery found.
+    pub known: Vec<Switched>,
     /// Keys of effects that did not fit.
     pub left_out: Vec<String>,
     /// Keys of the present model's effects.
@@ -118,7 +125,7 @@ impl Switches {
     /// How many numbers a kernel with `k` columns of effects holds. Triangles count half.
     fn numbers(&self, k: usize, contact: bool, parameters: bool) -> usize {
         let m = self.parameters.base.len() - 1;
-        let n_rows = |m: &Merged| m.flights.iter().chain(&m.contact).map(|f| f.n_rows).sum::<usize>();
+        let n_rows = |m: &Merged| m.n_rows(self.present_weight());
         let of = |rows: usize| {
             let d = rows.min(m);
             (d, d * (k + 2) + upper(rows - d, k + 1))
@@ -143,7 +150,7 @@ impl Switches {
     /// The first `n` switches.
     fn kernel_of(&self, n: usize, contact: bool, parameters: bool) -> Result<Option<SwitchKernel>, StageFailure> {
         let names: Vec<&str> = self.columns[..n].iter().flatten().map(String::as_str).collect();
-        let weight = self.predicting.contact_weight();
+        let weight = self.present_weight();
         let rotated = |m: &Merged| self.predicting.rotated(&m.with_effects(&names, weight)?);
         let Some(all) = rotated(&self.pools.all.merged)? else { return Ok(None) };
         let trials: Result<Vec<KernelTrial>, StageFailure> = self
@@ -152,7 +159,7 @@ impl Switches {
             .map(|t| {
                 let without = match self.pools.without.get(&t.name).map(|pool| &pool.merged) {
                     // a trial that alone identifies is predicted from itself, as the switches do
-                    Some(m) if m.flights.is_some() || m.contact.is_some() => rotated(m)?,
+                    Some(m) if m.n_rows(weight) > 0 => rotated(m)?,
                     _ => None,
                 };
                 let rows = without.as_ref().unwrap_or(&all);
@@ -163,15 +170,16 @@ impl Switches {
                 Ok(KernelTrial { name: t.name.clone(), flight, contact, without })
             })
             .collect();
-        let by_a_run = |e: &ModelEffect| {
-            let with = SubjectSession { effects: vec![e.clone()], ..self.session.clone() };
-            with.identifies_from_contact() != self.contact
-        };
+        let keys: Vec<String> = self.switches()[..n].iter().map(|s| s.key.clone()).collect();
+        let known = self.known(&keys);
         let base = self.parameters.base.iter().map(|b| (b.name.clone(), b.unit.clone()));
         Ok(Some(SwitchKernel {
             switches: self.switches()[..n].to_vec(),
             columns: self.columns[..n].iter().map(Vec::len).collect(),
-            by_a_run: self.effects[..n].iter().map(by_a_run).collect(),
+            with_contact: self.effects[..n].iter().map(|e| uses_contact(&self.session, vec![e.clone()])).collect(),
+            always_contact: uses_contact(self.session(), Vec::new()),
+            contact: self.contact,
+            known,
             left_out: self.effects[n..].iter().map(|e| e.key.clone()).collect(),
             present: self.present.clone(),
             base: if parameters { base.collect() } else { Vec::new() },
@@ -182,6 +190,25 @@ impl Switches {
             weight_n: weight_n(&self.session),
             gate: self.gate,
         }))
+    }
+
+    /// Models that the rows of the kernel do not give, because they use contact otherwise: the
+    /// present model with one switch flipped, and with all that the discovery found. One that
+    /// cannot be computed is left out.
+    fn known(&self, keys: &[String]) -> Vec<Switched> {
+        let flipped = keys.iter().map(|key| {
+            let others = self.present.iter().filter(|k| *k != key).cloned();
+            let added = Some(key.clone()).filter(|k| !self.present.contains(k));
+            others.chain(added).collect::<Vec<String>>()
+        });
+        let found = keys.iter().filter(|k| self.present.contains(k) || self.found.contains(k)).cloned().collect();
+        let mut choices: Vec<Vec<String>> = Vec::new();
+        for choice in flipped.chain(std::iter::once(found)) {
+            if !choices.contains(&choice) && self.changes_contact(&choice).is_ok_and(|changes| changes) {
+                choices.push(choice);
+            }
+        }
+        choices.iter().filter_map(|choice| self.model(choice, &LeftOut::default()).ok()).collect()
     }
 
     /// Windows of one kind in the coordinates of rotated rows, as a triangle where that is shorter.

@@ -21,6 +21,11 @@ pub(crate) struct Merged {
 }
 
 impl Merged {
+    /// Number of rows, of contact only if it has a weight.
+    pub fn n_rows(&self, weight: Option<f64>) -> usize {
+        self.flights.iter().chain(self.contact.iter().filter(|_| weight.is_some())).map(|f| f.n_rows).sum()
+    }
+
     /// Flights and contact of this weight (none: flights only) with the columns of these effects.
     pub fn with_effects(&self, names: &[&str], weight: Option<f64>) -> Result<Factor, StageFailure> {
         let pick = |f: &Factor| f.with_effects(names).map_err(stop);
@@ -44,11 +49,8 @@ pub(crate) struct Pool {
 }
 
 impl Pool {
-    fn of(merged: Merged, predicting: &Predicting, names: &[&str]) -> Self {
-        let rotated = merged
-            .with_effects(names, predicting.contact_weight())
-            .ok()
-            .and_then(|all| predicting.rotated(&all).ok().flatten());
+    fn of(merged: Merged, predicting: &Predicting, weight: Option<f64>, names: &[&str]) -> Self {
+        let rotated = merged.with_effects(names, weight).ok().and_then(|all| predicting.rotated(&all).ok().flatten());
         let places = names.iter().enumerate().map(|(i, n)| ((*n).to_owned(), i)).collect();
         Self { merged, rotated, places }
     }
@@ -69,12 +71,21 @@ pub(crate) struct Pools {
 }
 
 impl Pools {
-    /// Merges and rotates factors whose effects have these columns.
-    pub fn of(factors: &[&Factor], predicting: &Predicting, columns: &[Vec<String>]) -> Result<Self, StageFailure> {
+    /// Merges and rotates factors whose effects have these columns, with contact of this weight
+    /// (none: flights only).
+    pub fn of(
+        factors: &[&Factor],
+        predicting: &Predicting,
+        weight: Option<f64>,
+        columns: &[Vec<String>],
+    ) -> Result<Self, StageFailure> {
         let names: Vec<&str> = columns.iter().flatten().map(String::as_str).collect();
         let (all, without) = merge_all(factors).map_err(stop)?;
-        let pool = |(trial, merged): (String, Merged)| (trial, Pool::of(merged, predicting, &names));
-        Ok(Self { all: Pool::of(all, predicting, &names), without: without.into_par_iter().map(pool).collect() })
+        let pool = |(trial, merged): (String, Merged)| (trial, Pool::of(merged, predicting, weight, &names));
+        Ok(Self {
+            all: Pool::of(all, predicting, weight, &names),
+            without: without.into_par_iter().map(pool).collect(),
+        })
     }
 }
 

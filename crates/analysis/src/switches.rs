@@ -6,14 +6,15 @@
 //! triangle of each flight, from which parameters are identified, and in the weak windows, in which
 //! models are judged. A choice of effects then picks columns. Nothing else differs from the stages
 //! `regressor`, `identify` and `compare`: each trial is predicted from parameters that were
-//! identified without it. Only the weight of the prior and of contact is that of the present model,
-//! which a run would choose again.
+//! identified without it. Only the weight of the prior is that of the present model, and of contact
+//! where both use it; a run would choose these again.
 
 use crate::compare::compare;
 use crate::effect::Asked;
 use crate::held_out::{HeldOutError, weight_n};
 use crate::promise::with_reference;
 use crate::results::with_results;
+use crate::switch_contact::uses_contact;
 use crate::switch_pools::{Merged, Pool, Pools};
 use crate::switch_rows::{Judged, drop_without_numbers, params_of, rows_of};
 use aloft_body::Subject;
@@ -156,7 +157,7 @@ pub struct Switches {
     pub(crate) effects: Vec<ModelEffect>,
     /// Names of the columns of each effect.
     pub(crate) columns: Vec<Vec<String>>,
-    training: Vec<Factor>,
+    pub(crate) training: Vec<Factor>,
     pub(crate) pools: Pools,
     /// Pools without what was left out last, for the next flip.
     other: Mutex<Option<(LeftOut, Arc<Pools>)>>,
@@ -164,8 +165,12 @@ pub struct Switches {
     pub(crate) gate: bool,
     /// Whether contact takes part in the identification of the present model.
     pub(crate) contact: bool,
+    /// Weights of contact of models that use it where the present one does not, by their effects.
+    pub(crate) weights: Mutex<HashMap<Vec<String>, Option<f64>>>,
     /// Keys of the present model's effects.
     pub(crate) present: Vec<String>,
+    /// Keys of the effects that the last discovery found.
+    pub(crate) found: Vec<String>,
 }
 
 /// Hash of what switches depend on: the comparison and all that it was made from, the model, the
@@ -266,7 +271,8 @@ impl Switches {
                 .ok_or_else(|| stop("nothing was identified from weak rows"))?;
             let subject = made.results.load_subject("calibrate")?;
             let (training, trials) = loop {
-                let rows = rows_of(made, &subject, &effects, &comparison, contact, told)?;
+                let of_contact = contact || effects.iter().any(|e| uses_contact(&session, vec![e.clone()]));
+                let rows = rows_of(made, &subject, &effects, &comparison, of_contact, told)?;
                 let dropped = drop_without_numbers(&session.effects, &rows.finite, &mut effects);
                 if dropped.is_empty() {
                     break (rows.training, rows.trials);
@@ -288,8 +294,9 @@ impl Switches {
                 });
             }
             let predicting = Predicting::like(&subject, &parameters)?;
+            let weight = predicting.contact_weight().filter(|_| contact);
             Ok(Self {
-                pools: Pools::of(&training.iter().collect::<Vec<_>>(), &predicting, &columns)?,
+                pools: Pools::of(&training.iter().collect::<Vec<_>>(), &predicting, weight, &columns)?,
                 other: Mutex::default(),
                 predicting,
                 gate: parameters.gate.passed,
@@ -304,6 +311,8 @@ impl Switches {
                 training,
                 trials,
                 contact,
+                weights: Mutex::default(),
+                found: asked.found.iter().flat_map(|d| &d.found).map(|f| f.key.clone()).collect(),
                 present: session.effects.iter().filter(|e| !e.is_of_joints()).map(|e| e.key.clone()).collect(),
             })
         })
@@ -342,16 +351,6 @@ impl Switches {
         })
     }
 
-    /// Why a model with these effects has no number at once; none if it has one.
-    ///
-    /// # Errors
-    /// A key without a switch.
-    pub fn only_by_a_run(&self, keys: &[String]) -> Result<Option<&'static str>, PipelineError> {
-        let with = SubjectSession { effects: self.chosen(keys)?, ..self.session.clone() };
-        Ok((with.identifies_from_contact() != self.contact)
-            .then_some("with these effects contact is used for identification and its weight is re-estimated"))
-    }
-
     /// The model with these effects, identified and judged without `left_out`, in the geometry of
     /// the present results.
     ///
@@ -367,13 +366,14 @@ impl Switches {
             other = self.pools_without(left_out).map_err(failed)?;
             &*other
         };
-        let all = self.solve(&pools.all, &names).map_err(failed)?;
+        let weight = self.weight(keys, &names)?;
+        let all = self.solve(&pools.all, &names, weight).map_err(failed)?;
         let judged: Vec<Predicted<'_>> = self
             .trials
             .par_iter()
             .filter(|t| !left_out.trials.contains(&t.name))
             .map(|trial| {
-                let (own, remark) = self.own(pools, trial, &names, &all);
+                let (own, remark) = self.own(pools, trial, &names, weight, &all);
                 let windows = trial.windows.as_ref();
                 let errors = windows.map_or_else(Vec::new, |w| w.errors(&own.0, &own.1, trial.offset.as_ref()));
                 let cut = |at: f64| left_out.cuts(&trial.name).any(|c| (c.from_s..=c.to_s).contains(&at));
@@ -433,9 +433,10 @@ impl Switches {
             PipelineError::request_hint(format!("no recording `{trial}` was compared"), hint)
         })?;
         let chosen = self.chosen(keys)?;
+        let weight = self.weight(keys, &names)?;
         with_results(&self.session, |made| {
-            let all = self.solve(&self.pools.all, &names)?;
-            let (own, _) = self.own(&self.pools, judged, &names, &all);
+            let all = self.solve(&self.pools.all, &names, weight)?;
+            let (own, _) = self.own(&self.pools, judged, &names, weight, &all);
             let (params, _) = params_of(&self.session, &chosen);
             let filter = &made.session.config.filter;
             let rows = TrialRows::load(made.results, Some(filter), &|| made.calendar(), trial, &self.subject)?;
@@ -460,26 +461,37 @@ impl Switches {
 
     /// Parameters for predicting a trial, identified without it; those of all trials, with a
     /// remark, if nothing would be left.
-    fn own(&self, pools: &Pools, t: &Judged, names: &[&str], all: &PointEstimate) -> (PointEstimate, Option<String>) {
+    fn own(
+        &self,
+        pools: &Pools,
+        t: &Judged,
+        names: &[&str],
+        weight: Option<f64>,
+        all: &PointEstimate,
+    ) -> (PointEstimate, Option<String>) {
         let Some(rest) = pools.without.get(&t.name) else { return (all.clone(), None) };
-        match self.solve(rest, names) {
+        match self.solve(rest, names, weight) {
             Ok(found) => (found, None),
             Err(e) => (all.clone(), Some(format!("{} could not be left out: {}", t.name, e.problem))),
         }
     }
 
-    /// Rotated rows answer at once; where there are none, or where these columns cannot be told
-    /// apart, the merged rows are solved as the stages do.
-    fn solve(&self, pool: &Pool, names: &[&str]) -> Result<PointEstimate, StageFailure> {
-        if let Some(found) = pool.estimate(names) {
-            return Ok(found);
-        }
-        self.solve_merged(&pool.merged, names)
+    /// Rotated rows answer at once; where there are none, where they hold contact with another
+    /// weight, or where these columns cannot be told apart, the merged rows are solved as the
+    /// stages do.
+    fn solve(&self, pool: &Pool, names: &[&str], weight: Option<f64>) -> Result<PointEstimate, StageFailure> {
+        let rotated = pool.estimate(names).filter(|_| weight == self.present_weight());
+        rotated.map_or_else(|| self.solve_merged(&pool.merged, names, weight), Ok)
     }
 
     /// What [`Self::solve`] gives, without rotated rows.
-    fn solve_merged(&self, merged: &Merged, names: &[&str]) -> Result<PointEstimate, StageFailure> {
-        self.predicting.solve_merged(&merged.with_effects(names, self.predicting.contact_weight())?)
+    fn solve_merged(
+        &self,
+        merged: &Merged,
+        names: &[&str],
+        weight: Option<f64>,
+    ) -> Result<PointEstimate, StageFailure> {
+        self.predicting.solve_merged(&merged.with_effects(names, weight)?)
     }
 
     /// Pools of the trials that are left; those of the last request are kept.
@@ -489,7 +501,7 @@ impl Switches {
             return Ok(Arc::clone(pools));
         }
         let kept: Vec<&Factor> = self.training.iter().filter(|f| left_out.keeps(f, &self.trials)).collect();
-        let pools = Arc::new(Pools::of(&kept, &self.predicting, &self.columns)?);
+        let pools = Arc::new(Pools::of(&kept, &self.predicting, self.present_weight(), &self.columns)?);
         *held = Some((left_out.clone(), Arc::clone(&pools)));
         Ok(pools)
     }

@@ -26,15 +26,7 @@ fn a_model_that_cannot_be_computed_is_an_error() {
             serde_json::json!({"id": "own", "point": {"link": "link0"}, "force": law, "coefficients": coefficients});
         serde_json::from_value(own).unwrap()
     };
-    let model = || {
-        vec![ModelEffect {
-            key: "own".to_owned(),
-            nonlinear: Default::default(),
-            trials: Vec::new(),
-            widening: Default::default(),
-            volume_m: None,
-        }]
-    };
+    let model = || vec![ModelEffect { key: "own".to_owned(), ..ModelEffect::default() }];
     session.own_effects = vec![OwnEffect::described(&of("c")).unwrap()];
     let good = tried(&session, model(), &Changes::default(), &Silent).unwrap();
     assert_eq!(good.effects, ["own"]);

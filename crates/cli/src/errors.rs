@@ -61,7 +61,7 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
             "{}, {} kg; {} in {}",
             short(&view.subject),
             significant(p.mass_kg, 3),
-            plural(p.flights, "flight"),
+            p.identified_from,
             plural(p.trials, "trial")
         ),
     );

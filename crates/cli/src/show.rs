@@ -18,9 +18,9 @@ pub(crate) fn three(v: &[f64; 3]) -> String {
 pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
     let p = &view.parameters;
     let words = format!(
-        "{}: {} flights of {} trials, {} {} rows, {} ({})",
+        "{}: {} in {} trials, {} {} rows, {} ({})",
         crate::errors::short(&view.subject),
-        p.n_stretches,
+        p.stretches(),
         p.n_trials,
         p.n_rows,
         view.rows_used,

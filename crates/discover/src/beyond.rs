@@ -13,6 +13,7 @@ use crate::progress::Until;
 use crate::refused::Refused;
 use crate::result::{AgainstLaw, Discovery, Verdict};
 use crate::session::Session;
+use crate::sizes::predicts_as_well;
 use crate::wording;
 use aloft_effects::{Effect, EffectInstance};
 use aloft_regressor::POOR_TIMES_FLOOR;
@@ -180,16 +181,21 @@ fn members<'a>(
 }
 
 /// Errors with the laws of a search in the model, by the stages. Laws are fitted to flights; if
-/// they also lower the error in contact, of which the search has no row, they become laws of both.
+/// they also lower the error in contact, of which the search has no row, they become laws of both,
+/// with sizes from both where these predict as well.
 fn where_they_act(session: &Session<'_>, open: &mut OpenWorld) -> Option<Staged> {
     let in_flight = session.by_stages.with_laws(&open.laws)?;
     let everywhere: Vec<FoundLaw> = open.laws.iter().map(FoundLaw::acting_everywhere).collect();
+    let sized: Vec<FoundLaw> =
+        everywhere.iter().map(|law| FoundLaw { sized_with_contact: true, ..law.clone() }).collect();
     let Some(contact) = in_flight.errors[1] else { return Some(in_flight) };
-    let both = session.by_stages.with_laws(&everywhere).filter(|s| {
-        let left = s.errors[1].map_or(f64::INFINITY, |e| e.held_out_error);
-        left < IN_CONTACT * contact.held_out_error.min(session.model_error[1].map_or(0.0, |e| e.held_out_error))
-    });
-    let Some(both) = both else { return Some(in_flight) };
-    open.laws = everywhere;
+    let limit = IN_CONTACT * contact.held_out_error.min(session.model_error[1].map_or(0.0, |e| e.held_out_error));
+    let Some(from_flights) = session.by_stages.with_laws(&everywhere) else { return Some(in_flight) };
+    let from_both = session.by_stages.with_laws(&sized).filter(|s| predicts_as_well(from_flights.errors, s.errors));
+    let (laws, both) = from_both.map_or((everywhere, from_flights), |both| (sized, both));
+    if both.errors[1].is_none_or(|e| e.held_out_error >= limit) {
+        return Some(in_flight);
+    }
+    open.laws = laws;
     Some(both)
 }

@@ -14,6 +14,7 @@ use crate::repeating::widen;
 use crate::result::{Candidate, Discovery, Found, Group, NotTried, Round, Verdict};
 use crate::round::wanted;
 use crate::session::Session;
+use crate::sizes::by_both;
 use crate::wording;
 use aloft_effects::{Effect, EffectInstance};
 
@@ -57,12 +58,25 @@ pub(crate) fn widen_found(
 ) {
     for (i, f) in found.iter_mut().enumerate() {
         let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
-        let mut others = kept.to_vec();
-        others.remove(i);
-        let of = |v: &[Variant<'_>]| extra_columns(session, domain, accepted, v, &[]);
-        let estimates = (&mut f.coefficients[..], &mut f.nonlinear[..]);
-        widen(session, domain, &of(&others), &of(kept), &kept[i], estimates, &|_| None, options);
+        widen_one(session, domain, accepted, kept, i, f, options);
     }
+}
+
+/// Widens the intervals of effect `i`, which was fitted to the rows of `domain`.
+pub(crate) fn widen_one(
+    session: &Session<'_>,
+    domain: Domain,
+    accepted: &[EffectInstance<'_>],
+    kept: &[Variant<'_>],
+    i: usize,
+    found: &mut Found,
+    options: &DiscoverOptions,
+) {
+    let mut others = kept.to_vec();
+    others.remove(i);
+    let of = |v: &[Variant<'_>]| extra_columns(session, domain, accepted, v, &[]);
+    let estimates = (&mut found.coefficients[..], &mut found.nonlinear[..]);
+    widen(session, domain, &of(&others), &of(kept), &kept[i], estimates, &|_| None, options);
 }
 
 /// Widens in the same way the intervals of effects that the rounds name beside the one found: each
@@ -115,7 +129,7 @@ pub(crate) fn conclude(
     until: &Until,
     options: &DiscoverOptions,
 ) -> Result<Discovery, Unnamed> {
-    let RoundResults { mut rounds, mut found, kept, contradicted, left_out, errors: [before, after], has_flights } =
+    let RoundResults { mut rounds, mut found, mut kept, contradicted, left_out, errors: [before, after], has_flights } =
         made;
     let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
     let mut steps = Vec::new();
@@ -178,12 +192,17 @@ pub(crate) fn conclude(
     // what the user asks for by name is answered as asked
     let asked_for_all = options.only.is_empty();
     // remaining error with the effects found, in each domain: computed by the stages, or estimated
-    let computed = if lost { None } else { session.by_stages.with(&found) };
+    let mut computed = if lost { None } else { session.by_stages.with(&found) };
     if let Some(staged) = computed.as_ref().filter(|_| has_flights && asked_for_all)
         && let Some((v, f)) = kept.iter().zip(&found).find(|(v, _)| v.effect.acts().in_flight())
         && let Some(no) = Refused::by_stages(v.effect.id(), &f.key, session.model_error[1], staged.errors[1])
     {
         return Err(Unnamed::One(no));
+    }
+    if let Some(from_flights) = computed.as_ref().filter(|_| has_flights)
+        && let Some(both) = by_both(session, accepted, &kept, &found, from_flights, options)
+    {
+        (kept, found, computed) = (both.kept, both.found, Some(both.staged));
     }
     let estimated = |i: usize| -> Option<HeldOutResult> {
         let model_error = session.model_error[i]?;

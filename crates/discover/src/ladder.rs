@@ -290,5 +290,6 @@ pub(crate) fn as_found(session: &Session<'_>, scored: &Scored<'_>) -> Found {
         coefficients,
         trials: group_names(session, scored),
         also_on: Vec::new(),
+        sized_with_contact: false,
     }
 }

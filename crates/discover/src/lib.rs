@@ -97,6 +97,7 @@ mod round;
 mod self_test;
 mod session;
 mod shown_in_both;
+mod sizes;
 mod statistics;
 mod thin;
 mod wording;

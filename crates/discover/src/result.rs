@@ -399,6 +399,10 @@ pub struct Found {
     /// which of them it acts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub also_on: Vec<String>,
+    /// True if its size is from flights and contact together, so that contact takes part in the
+    /// identification of a model with it; false if it is from flights alone.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub sized_with_contact: bool,
 }
 
 impl Found {
@@ -411,7 +415,10 @@ impl Found {
     /// True if both put the same effect into a model, whatever its coefficients are estimated at.
     pub fn is_same_effect(&self, other: &Self) -> bool {
         let values = |f: &Self| f.nonlinear.iter().map(|e| e.value.to_bits()).collect::<Vec<_>>();
-        self.key == other.key && self.trials == other.trials && values(self) == values(other)
+        self.key == other.key
+            && self.trials == other.trials
+            && self.sized_with_contact == other.sized_with_contact
+            && values(self) == values(other)
     }
 }
 

@@ -247,7 +247,8 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> Strin
     if matches!(d.verdict, Verdict::Supported | Verdict::OneOf) {
         for f in &d.found {
             let links = f.other_links().map_or(String::new(), |words| format!("; {words}"));
-            text.push_str(&format!("; `{}`: {}{links}", f.key, estimate(&f.coefficients)));
+            let from = if f.sized_with_contact { ", from flights and contact" } else { "" };
+            text.push_str(&format!("; `{}`: {}{from}{links}", f.key, estimate(&f.coefficients)));
         }
     }
     if let Some(misfit) = &d.misfit {

@@ -62,7 +62,7 @@ pub use effect::Effect;
 pub use error::{EffectsError, FormulaProblem};
 pub use formula::{
     CompiledFormula, FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaDefinition, FormulaEffect,
-    FormulaParameter, FormulaPart, FormulaPoint,
+    FormulaParameter, FormulaPart, FormulaPoint, QuantityGroup, quantities,
 };
 pub use instance::{EffectInstance, WrenchColumns, columns, columns_about};
 pub use joint::{JointSeries, SURE_OF_SIGN};

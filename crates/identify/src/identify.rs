@@ -234,6 +234,7 @@ pub fn identify_with_slides(
         information,
         gate,
         n_stretches: factors.len(),
+        n_contacts: factors.iter().filter(|f| f.kind == StretchKind::Contact).count(),
         n_trials: trials.len(),
         n_rows: merged.n_rows,
         row_rms: (merged.sum_of_squares(&fit.padded(merged.n_effects())) / merged.n_rows.max(1) as f64).sqrt(),

@@ -214,8 +214,11 @@ pub struct Parameters {
     pub information: Option<Information>,
     /// Verdict on whether the numbers are reliable.
     pub gate: Gate,
-    /// Number of stretches used.
+    /// Number of stretches used, flights and contact.
     pub n_stretches: usize,
+    /// Number of stretches of contact among them.
+    #[serde(default)]
+    pub n_contacts: usize,
     /// Number of trials used.
     pub n_trials: usize,
     /// Number of rows.
@@ -240,6 +243,23 @@ pub struct Parameters {
 }
 
 impl Parameters {
+    /// Number of flights used.
+    pub fn n_flights(&self) -> usize {
+        self.n_stretches.saturating_sub(self.n_contacts)
+    }
+
+    /// What the parameters were identified from, in words: *20 flights and 28 stretches of
+    /// contact*.
+    pub fn stretches(&self) -> String {
+        let n = self.n_flights();
+        let flights = format!("{n} flight{}", if n == 1 { "" } else { "s" });
+        match self.n_contacts {
+            0 => flights,
+            1 => format!("{flights} and 1 stretch of contact"),
+            n => format!("{flights} and {n} stretches of contact"),
+        }
+    }
+
     /// Coefficients by name for predictions: zero if the rows do not determine one, as in the fit.
     pub fn coefficients(&self) -> Vec<(String, f64)> {
         self.effects.iter().map(|e| (e.name.clone(), if e.value.is_finite() { e.value } else { 0.0 })).collect()

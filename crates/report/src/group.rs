@@ -179,7 +179,7 @@ fn row(m: &Member<'_>) -> Row {
     out.fall_percent = average(fall.collect());
     if let Some(found) = &story.found {
         let p = &found.parameters;
-        out.flights = Some(p.n_stretches);
+        out.flights = Some(p.n_flights());
         out.gap = Some(p.sigma.ratio);
         out.trusted = Some(p.gate.passed);
         out.shares = p

@@ -112,7 +112,7 @@ fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceE
     if first.at_floor {
         let few = || match &story.found {
             Some(found) if !found.parameters.gate.passed => {
-                format!(", but {} are too few to determine the body", count(found.parameters.n_stretches, "flight"))
+                format!(", but {} are too few to determine the body", count(found.parameters.n_flights(), "flight"))
                     .replace("1 flight are too few", "1 flight is too little")
             }
             _ => ": a perfect model could err as much".to_owned(),

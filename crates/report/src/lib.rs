@@ -104,7 +104,7 @@ fn page(now: &SubjectSession, switches: bool) -> Result<(Page, Offered), Pipelin
     let person = &session.facts.person;
     // those identified from, or else those found
     let found = || story.dynamic().filter_map(TrialStory::n_flights).sum::<usize>();
-    let flights = story.found.as_ref().map_or_else(found, |f| f.parameters.n_stretches);
+    let flights = story.found.as_ref().map_or_else(found, |f| f.parameters.n_flights());
     let mut facts = vec![session.config.name.clone()];
     if wording::short(&person.name) != person.name {
         facts.push(person.name.clone());

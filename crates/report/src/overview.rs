@@ -108,7 +108,7 @@ fn cards(story: &Story<'_>) -> Vec<Card> {
         let p = &found.parameters;
         cards.push(card(
             "Flights",
-            p.n_stretches.to_string(),
+            p.n_flights().to_string(),
             format!("{} rows of the regressor", p.n_rows),
             Light::Neutral,
         ));

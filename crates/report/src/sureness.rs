@@ -103,13 +103,13 @@ pub(crate) fn how_sure(story: &Story<'_>, first: Option<&PlaceError>) -> String 
     parts.extend(story.history.revisions.last().iter().flat_map(|r| &r.cautions).map(|words| sentence_of(words)));
     if let Some(found) = &story.found {
         let p = &found.parameters;
-        let flights = count(p.n_stretches, "flight");
+        let flights = count(p.n_flights(), "flight");
         let brief = story.comparison.as_ref().map(|v| &v.parameters).filter(|b| b.in_all > 0);
         parts.push(match (p.gate.passed, p.gate.reasons.first(), brief) {
             (true, None, _) => format!("{flights} determine the parameters."),
             (true, Some(reason), _) => format!("{flights}: {}.", reason.trim_end_matches('.')),
             (false, _, Some(b)) => {
-                let verb = if p.n_stretches == 1 { "is too little" } else { "are too few" };
+                let verb = if p.n_flights() == 1 { "is too little" } else { "are too few" };
                 let (seen, all) = (b.from_motion, b.in_all);
                 format!("{flights} {verb} to determine the body: {seen} of {all} parameters are from motion, the rest from tables.")
             }

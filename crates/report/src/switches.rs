@@ -163,7 +163,8 @@ fn packed(k: &SwitchKernel) -> Value {
         })
     });
     json!({
-        "switches": k.switches, "columns": k.columns, "by_a_run": k.by_a_run, "left_out": k.left_out,
+        "switches": k.switches, "columns": k.columns, "with_contact": k.with_contact,
+        "always_contact": k.always_contact, "contact": k.contact, "known": k.known, "left_out": k.left_out,
         "present": k.present, "base": k.base, "all": rows(&k.all, !k.base.is_empty(), 5),
         "trials": trials.collect::<Vec<_>>(), "flight_floor": floor(&k.flight_floor),
         "contact_floor": floor(&k.contact_floor), "weight_n": k.weight_n, "gate": k.gate,

@@ -146,9 +146,6 @@ async fn model(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Respons
     let found = computed(move || {
         let started = Instant::now();
         let switches = studio.switches()?;
-        if let Some(why) = switches.only_by_a_run(&choice.effects)? {
-            return Ok(json!({"model": null, "because": why}));
-        }
         let model = studio.quick.install(|| switches.model(&choice.effects, &choice.left_out))?;
         Ok(json!({"model": model, "milliseconds": started.elapsed().as_secs_f64() * 1e3}))
     });

@@ -28,6 +28,10 @@ pub struct ModelEffect {
     /// used one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub volume_m: Option<([f64; 3], f64)>,
+    /// True if its size is from flights and contact together: contact then takes part in
+    /// identification, unless the pipeline states otherwise.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub sized_with_contact: bool,
 }
 
 impl ModelEffect {

@@ -302,14 +302,17 @@ impl SubjectSession {
     }
 
     /// Whether contact takes part in identification: as the pipeline states; where it does not,
-    /// only if an effect of the model shows in contact alone.
+    /// only if an effect of the model shows in contact alone, or has its size from contact, too.
     pub fn identifies_from_contact(&self) -> bool {
         let on_plates_only = |e: &crate::revision::ModelEffect| {
             let own = self.own_effects.iter().find(|o| o.spec.id == e.id()).map(|o| o.spec.acts);
             own.or_else(|| aloft_effects::effect(e.id()).ok().map(|known| known.acts()))
                 .is_some_and(|acts| acts == aloft_effects::ActsIn::Contact)
         };
-        self.config.identify.contact.unwrap_or_else(|| self.effects.iter().any(on_plates_only))
+        self.config
+            .identify
+            .contact
+            .unwrap_or_else(|| self.effects.iter().any(|e| e.sized_with_contact || on_plates_only(e)))
     }
 
     /// The same study with the effects of the model's latest revision.

@@ -107,9 +107,11 @@ fn provenance(session: &SubjectSession, source: &InertiaSource) -> String {
     if let (InertiaSource::Identified { rows, remarks, .. }, Ok(found)) = (source, parameters(session, None)) {
         let p = &found.parameters;
         provenance += &format!(
-            "     {} flights of {} recordings, {rows} rows, total mass {} kg from a scale, prior: the same file.\n     \
+            "     {} in {} recordings, {rows} rows, total mass {} kg from a scale, prior: the same file.\n     \
              Each link: mass in kg and centre of mass in m, with half widths of 95 % intervals.\n",
-            p.n_stretches, p.n_trials, p.mass_kg
+            p.stretches(),
+            p.n_trials,
+            p.mass_kg
         );
         for remark in remarks {
             provenance += &format!("     CAUTION: {remark}.\n");

@@ -377,6 +377,7 @@ impl Joint<'_> {
                 coefficients,
                 trials: Vec::new(),
                 also_on: Vec::new(),
+                sized_with_contact: false,
             });
             model.push(best);
             floor = self.search.floor(self.index, &model);

@@ -88,6 +88,7 @@ pub(super) fn describe(session: &Session<'_>, ids: &mut Vec<String>, found: &Ste
         held_out_ratio: *ratio,
         family_wise_p: *p,
         with_contact: *of_both,
+        sized_with_contact: false,
         work,
         text,
         effect,

@@ -101,6 +101,10 @@ pub struct FoundLaw {
     /// independent test of it. False if it was found in flight alone.
     #[serde(default)]
     pub with_contact: bool,
+    /// True if the sizes of its coefficients are from flights and contact together, so that contact
+    /// takes part in the identification of a model with it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub sized_with_contact: bool,
     /// Work over all flights: share of the absolute power that is taken from the body (1: it only
     /// brakes), and mean absolute power over force times speed (0: it does no work).
     pub work: Work,

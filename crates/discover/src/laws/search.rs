@@ -7,7 +7,9 @@ use super::diagnosis::{diagnose, variable_of};
 use super::evidence::{DRAWS, Evidence};
 use super::fit::{self, Fitted, STEPS, TRIED};
 use super::intervals::widened;
+use super::kinematics::Carrier;
 use super::next::next_recording;
+use super::off_link::ALSO;
 use super::one_law::{OneLaw, one_law};
 use super::result::{Diagnosis, Entry, FoundLaw, NextRecording, OpenWorld};
 use super::stated::{ANSWERED, Rivals, Stated, Step, stated};
@@ -202,8 +204,10 @@ impl Searched<'_, '_> {
             }
         }
         let mut out = Round { clusters: of_some.clusters.len(), atlas, diagnosis, law: None, next: None, against };
-        let Some(OneLaw { best: found, rival, also }) = law else { return Some(Some(out)) };
+        let Some(OneLaw { best: found, rival, mut also }) = law else { return Some(Some(out)) };
         let ratio = (found.error() / squared_error(problem)).sqrt();
+        let elsewhere = out.diagnosis.as_ref().and_then(|d| pointed_elsewhere(d, &out.atlas, &found, ratio, session));
+        also.extend(elsewhere.filter(|c| !also.contains(c)));
         let without: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
         let p_gain = sign_flip_p(&found.errors, &without, 2000, options.seed ^ 0x1a35);
         if ratio < believed && p_gain < options.significance {
@@ -254,6 +258,21 @@ impl Searched<'_, '_> {
         };
         laws.iter().enumerate().map(one).collect()
     }
+}
+
+/// The link to which the diagnosis points, if a law on another link leaves hardly less error than
+/// the curve there: the law's form may be another than the true one, which moves it.
+fn pointed_elsewhere(
+    diagnosis: &Diagnosis,
+    atlas: &Atlas,
+    law: &Fitted,
+    ratio: f64,
+    session: &Session<'_>,
+) -> Option<Carrier> {
+    let as_much = law.law.action == diagnosis.action && ALSO * ratio > diagnosis.held_out_ratio;
+    let carriers = atlas.groups.iter().map(|g| g.carrier).filter(|c| as_much && *c != law.law.carrier);
+    let mut there = carriers.filter(|c| c.name(session.scene) == diagnosis.carrier);
+    there.next()
 }
 
 /// Squared held-out error of a problem.

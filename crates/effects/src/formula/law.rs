@@ -1,7 +1,7 @@
 //! One formula: parsed, units checked, linear in the coefficients.
 
 use super::parse::{self, Definition, Problem};
-use super::quantity::{QUANTITIES, Quantity, quantity};
+use super::quantity::{Quantity, names, quantity};
 use super::spec::FormulaDefinition;
 use super::unit::Unit;
 use crate::{EffectsError, FormulaProblem, Scene};
@@ -40,9 +40,9 @@ fn wrong_formula(effect: &str, place: &str, text: &str, p: Problem) -> EffectsEr
 fn unit_of(scene: &Scene, symbols: &[Symbol], definitions: &[Definition], name: &str) -> Result<Unit, String> {
     let own = symbols.iter().find(|s| s.name == name).map(|s| s.unit);
     own.or_else(|| quantity(scene, name).map(|(_, u)| u)).ok_or_else(|| {
-        let names = symbols.iter().map(|s| &s.name).chain(definitions.iter().map(|d| &d.name));
-        let own = names.map(String::as_str).collect::<Vec<_>>().join(" ");
-        format!("nothing is called `{name}`; there are {own}, {QUANTITIES}, and q_<link>, qd_<link> of hinges")
+        let own = symbols.iter().map(|s| &s.name).chain(definitions.iter().map(|d| &d.name));
+        let own = own.map(String::as_str).collect::<Vec<_>>().join(" ");
+        format!("nothing is called `{name}`; there are {own}, {}, and q_<link>, qd_<link> of hinges", names())
     })
 }
 

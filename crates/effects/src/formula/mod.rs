@@ -9,24 +9,8 @@
 //! coefficients: [{ name: c, unit: kg/m, lower: 0 }]
 //! ```
 //!
-//! | quantity | unit | meaning |
-//! |---|---|---|
-//! | `v_x v_y v_z`, `speed` | m/s | velocity of the point |
-//! | `a_x a_y a_z` | m/s² | acceleration of the point |
-//! | `r_x r_y r_z` | m | place of the point in the world |
-//! | `omega_x omega_y omega_z`, `spin` | rad/s | angular velocity of the link |
-//! | `alpha_x alpha_y alpha_z` | rad/s² | angular acceleration of the link |
-//! | `v_world_x …`, `v_link_x …` | m/s | velocity of the point in the world's and the link's axes |
-//! | `omega_world_x …`, `omega_link_x …` | rad/s | angular velocity in the world's and the link's axes |
-//! | `tilt_x tilt_y tilt_z` | 1 | vertical component of the link's axes |
-//! | `com_x com_y com_z`, `comv_x …` | m, m/s | whole centre of mass, its velocity |
-//! | `t`, `to_end` | s | time in the recording; until the stretch (flight or contact) ends |
-//! | `since_start` | s | time since take-off (release), zero in contact |
-//! | `since_landing` | s | time since the stretch of contact began, zero in flight |
-//! | `q_<link>`, `qd_<link>` | rad, rad/s (m, m/s) | a hinge's (slide's) coordinate and rate |
-//! | `mass`, `link_mass` | kg | of the body, of the link (from the prior) |
-//! | `area_share` | 1 | share of the link in the mean area shown to the air |
-//! | `air_density`, `gravity`, `pi` | kg/m³, m/s², 1 | constants |
+//! [`quantities`] lists what formulas may name, besides `q_<link>` and `qd_<link>`, a hinge's
+//! (slide's) coordinate and rate.
 //!
 //! Vectors are in world axes, or in the link's with `axes: link` (positions always in the world);
 //! forces act at the point. A law on several links has `parts`, or one part with `link: all`, which
@@ -50,6 +34,7 @@ mod quantity;
 mod spec;
 mod unit;
 
+pub use quantity::{QuantityGroup, quantities};
 pub use spec::{
     FormulaAxes, FormulaCoefficient, FormulaConstant, FormulaDefinition, FormulaEffect, FormulaParameter, FormulaPart,
     FormulaPoint,
@@ -61,6 +46,7 @@ use crate::{
 };
 use law::{Law, Source, Symbol};
 use nalgebra::Vector3;
+
 use quantity::{Place, quantity};
 use unit::Unit;
 

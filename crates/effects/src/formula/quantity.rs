@@ -37,69 +37,93 @@ pub(super) enum Quantity {
     Pi,
 }
 
-/// Quantities by name, without those of the joints.
-pub(super) const QUANTITIES: &str = "v_x v_y v_z speed a_x a_y a_z r_x r_y r_z omega_x omega_y omega_z spin alpha_x alpha_y alpha_z \
-v_world_x … v_link_x … omega_world_x … omega_link_x … tilt_x tilt_y tilt_z com_x com_y com_z comv_x comv_y comv_z t since_start since_landing to_end mass link_mass area_share air_density gravity pi";
+/// Quantities that formulas may name, with unit and meaning: what a formula knows, what messages
+/// and the editor of laws list, and what the book says.
+#[derive(Debug, Clone, Copy)]
+pub struct QuantityGroup {
+    /// Names, separated by spaces: the components of a vector, or numbers of one kind.
+    pub names: &'static str,
+    /// Unit of each of them.
+    pub unit: &'static str,
+    /// Meaning.
+    pub meaning: &'static str,
+}
+
+impl QuantityGroup {
+    /// The names one by one.
+    pub fn each(&self) -> std::str::Split<'static, char> {
+        self.names.split(' ')
+    }
+}
+
+/// Names, unit and meaning of all quantities but those of hinges and slides (`q_<link>`,
+/// `qd_<link>`), and the quantity that each component is.
+const QUANTITIES: [(&str, &str, &str, fn(usize) -> Quantity); 24] = [
+    ("v_x v_y v_z", "m/s", "velocity of the point", Quantity::V),
+    ("speed", "m/s", "its size", |_| Quantity::Speed),
+    ("v_world_x v_world_y v_world_z", "m/s", "the same velocity along the axes of the world", Quantity::VWorld),
+    ("v_link_x v_link_y v_link_z", "m/s", "the same velocity along the axes of the link", Quantity::VLink),
+    ("a_x a_y a_z", "m/s²", "acceleration of the point", Quantity::A),
+    ("r_x r_y r_z", "m", "place of the point in the world", Quantity::R),
+    ("omega_x omega_y omega_z", "rad/s", "angular velocity of the link", Quantity::Omega),
+    ("spin", "rad/s", "its size", |_| Quantity::Spin),
+    (
+        "omega_world_x omega_world_y omega_world_z",
+        "rad/s",
+        "the same along the axes of the world",
+        Quantity::OmegaWorld,
+    ),
+    ("omega_link_x omega_link_y omega_link_z", "rad/s", "the same along the axes of the link", Quantity::OmegaLink),
+    ("alpha_x alpha_y alpha_z", "rad/s²", "angular acceleration of the link", Quantity::Alpha),
+    ("tilt_x tilt_y tilt_z", "1", "vertical component of the link's axes", Quantity::Tilt),
+    ("com_x com_y com_z", "m", "centre of mass of the whole body", Quantity::Com),
+    ("comv_x comv_y comv_z", "m/s", "its velocity", Quantity::ComV),
+    ("t", "s", "time in the recording", |_| Quantity::Time),
+    ("since_start", "s", "time since take-off or release, zero in contact", |_| Quantity::SinceTakeOff),
+    ("since_landing", "s", "time since the stretch of contact began, zero in flight", |_| Quantity::SinceTouchDown),
+    ("to_end", "s", "time until the flight or the contact ends", |_| Quantity::ToEnd),
+    ("mass", "kg", "mass of the body", |_| Quantity::Mass),
+    ("link_mass", "kg", "mass of the link, from tables", |_| Quantity::LinkMass),
+    ("area_share", "1", "share of the link in the mean area shown to the air", |_| Quantity::AreaShare),
+    ("air_density", "kg/m³", "of the air, 1.2: 20 °C at sea level", |_| Quantity::AirDensity),
+    ("gravity", "m/s²", "magnitude of gravity", |_| Quantity::Gravity),
+    ("pi", "1", "3.14159…", |_| Quantity::Pi),
+];
+
+/// All quantities but those of hinges and slides, which a body may lack.
+pub fn quantities() -> impl Iterator<Item = QuantityGroup> {
+    QUANTITIES.iter().map(|(names, unit, meaning, _)| QuantityGroup { names, unit, meaning })
+}
+
+/// The names of all of them, separated by spaces.
+pub(super) fn names() -> String {
+    QUANTITIES.map(|(names, ..)| names).join(" ")
+}
 
 /// Quantity with a given name, and its unit.
 pub(super) fn quantity(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
-    let (m, kg) = (Unit([1.0, 0.0, 0.0]), Unit([0.0, 1.0, 0.0]));
-    let (per_s, per_s2) = (Unit([0.0, 0.0, -1.0]), Unit([0.0, 0.0, -2.0]));
-    let speed = m.times(per_s, 1.0);
-    let plain = match name {
-        "speed" => Some((Quantity::Speed, speed)),
-        "spin" => Some((Quantity::Spin, per_s)),
-        "t" => Some((Quantity::Time, per_s.raised(-1.0))),
-        "since_start" => Some((Quantity::SinceTakeOff, per_s.raised(-1.0))),
-        "since_landing" => Some((Quantity::SinceTouchDown, per_s.raised(-1.0))),
-        "to_end" => Some((Quantity::ToEnd, per_s.raised(-1.0))),
-        "mass" => Some((Quantity::Mass, kg)),
-        "link_mass" => Some((Quantity::LinkMass, kg)),
-        "area_share" => Some((Quantity::AreaShare, Unit::NONE)),
-        "air_density" => Some((Quantity::AirDensity, kg.times(m, -3.0))),
-        "gravity" => Some((Quantity::Gravity, m.times(per_s2, 1.0))),
-        "pi" => Some((Quantity::Pi, Unit::NONE)),
-        _ => None,
-    };
-    if plain.is_some() {
-        return plain;
+    let component = |names: &str| names.split(' ').position(|n| n == name);
+    let found = QUANTITIES.iter().find_map(|(names, unit, _, of)| Some((of(component(names)?), *unit)));
+    match found {
+        Some((quantity, unit)) => Some((quantity, Unit::parse(unit).ok()?)),
+        None => of_joint(scene, name),
     }
-    let (stem, rest) = name.split_once('_')?;
-    if stem == "q" || stem == "qd" {
-        let joint = &scene.model.links.iter().find(|l| l.name == rest)?.joint;
-        let unit = match joint.kind {
-            JointKind::Revolute(_) => Unit::NONE,
-            JointKind::Prismatic(_) => m,
-            _ => return None,
-        };
-        return Some(match stem {
-            "q" => (Quantity::Coordinate(joint.q_offset), unit),
-            _ => (Quantity::Rate(joint.v_offset), unit.times(per_s, 1.0)),
-        });
-    }
-    let axis_of = |name: &str| ["x", "y", "z"].iter().position(|a| *a == name);
-    if let Some((axes, axis)) = rest.split_once('_') {
-        let k = axis_of(axis)?;
-        return match (stem, axes) {
-            ("v", "world") => Some((Quantity::VWorld(k), speed)),
-            ("v", "link") => Some((Quantity::VLink(k), speed)),
-            ("omega", "world") => Some((Quantity::OmegaWorld(k), per_s)),
-            ("omega", "link") => Some((Quantity::OmegaLink(k), per_s)),
-            _ => None,
-        };
-    }
-    let axis = axis_of(rest)?;
-    Some(match stem {
-        "v" => (Quantity::V(axis), speed),
-        "a" => (Quantity::A(axis), m.times(per_s2, 1.0)),
-        "r" => (Quantity::R(axis), m),
-        "omega" => (Quantity::Omega(axis), per_s),
-        "alpha" => (Quantity::Alpha(axis), per_s2),
-        "tilt" => (Quantity::Tilt(axis), Unit::NONE),
-        "com" => (Quantity::Com(axis), m),
-        "comv" => (Quantity::ComV(axis), speed),
+}
+
+/// Coordinate or rate of a hinge or slide, and its unit.
+fn of_joint(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
+    let (stem, link) = name.split_once('_')?;
+    let joint = &scene.model.links.iter().find(|l| l.name == link)?.joint;
+    let unit = match joint.kind {
+        JointKind::Revolute(_) => Unit::NONE,
+        JointKind::Prismatic(_) => Unit([1.0, 0.0, 0.0]),
         _ => return None,
-    })
+    };
+    match stem {
+        "q" => Some((Quantity::Coordinate(joint.q_offset), unit)),
+        "qd" => Some((Quantity::Rate(joint.v_offset), unit.times(Unit([0.0, 0.0, -1.0]), 1.0))),
+        _ => None,
+    }
 }
 
 impl Quantity {
@@ -164,5 +188,18 @@ impl Place {
     }
     fn acceleration(&self, f: &EffectFrame<'_>) -> Vector3<f64> {
         self.point.map_or(f.com_acceleration, |p| f.links[self.link].point_acceleration(&p))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_quantity_has_a_unit_that_can_be_read() {
+        for (names, unit, meaning, _) in QUANTITIES {
+            assert!(Unit::parse(unit).is_ok(), "{names}: {unit}");
+            assert!(!meaning.is_empty(), "{names}");
+        }
     }
 }

@@ -196,7 +196,11 @@ const Kernel = (() => {
   const model = (k, on) => {
     const places = on.map((key) => k.switches.findIndex((s) => s.key === key));
     if (places.includes(-1)) return { model: null, because: `\`${on[places.indexOf(-1)]}\` is not among the switches of this page` };
-    if (places.some((i) => k.by_a_run[i])) return { model: null, because: "with these effects contact is used for identification and its weight is re-estimated" };
+    // rows with contact do not give a model that is identified without it, nor the other way round
+    if ((k.always_contact || places.some((i) => k.with_contact[i])) !== k.contact) {
+      const known = k.known.find((m) => m.effects.length === on.length && on.every((key) => m.effects.includes(key)));
+      return known ? { model: { ...known, effects: on } } : { model: null, because: "these effects change whether contact takes part in the identification, which this page does not hold" };
+    }
     const first = []; k.columns.reduce((sum, n, i) => { first[i] = sum; return sum + n; }, 0);
     const chosen = places.flatMap((i) => Array.from({ length: k.columns[i] }, (_, c) => first[i] + c));
     const all = solve(k.all, chosen), sums = { flight: [0, 0], contact: [0, 0] };

@@ -8,8 +8,8 @@ use crate::results::parameters_file;
 use crate::stages::stage_of;
 use aloft_body::{BaseParameters, Subject};
 use aloft_identify::{
-    ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, PreparedPrior, RotatedRows, identify_with_slides,
-    point_estimate_prepared,
+    ClusterBy, ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, PreparedPrior, RotatedRows, Visible,
+    balanced, identify_with_slides, point_estimate_prepared,
 };
 use aloft_regressor::{Factor, RowKind, Slides, Stretch, StretchKind, leave_group_out};
 use aloft_study::config::{Estimator as ChosenEstimator, IdentifyConfig, Rows};
@@ -20,12 +20,12 @@ use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::write_json;
 use nalgebra::DVector;
 use serde::Serialize;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "identify",
-    version: 8,
+    version: 9,
     scope: Scope::Session,
     seconds: 0.3,
     reads: "all factors",
@@ -162,6 +162,15 @@ pub fn identify_from(
     identify_with(params, subject, factors, None, &[], estimator, bootstrap)
 }
 
+/// Unit of independent evidence: a flight; where contact takes part, a trial, because errors of the
+/// plates (zero, time) are the same in all contact of one recording. With fewer than three trials
+/// there is no spread among them.
+fn unit_of_evidence(factors: &[(Stretch, Factor)]) -> ClusterBy {
+    let trials: HashSet<&str> = factors.iter().map(|(_, f)| f.trial.as_str()).collect();
+    let contact = factors.iter().any(|(s, _)| s.kind == StretchKind::Contact);
+    if contact && trials.len() >= 3 { ClusterBy::Trial } else { ClusterBy::Stretch }
+}
+
 /// The same with flights already merged ([`merge::root`]) and with soft-tissue slides.
 fn identify_with(
     params: &Params,
@@ -178,6 +187,7 @@ fn identify_with(
     let widening = params.widening.iter().cloned().collect();
     let options = IdentifyOptions {
         estimator,
+        cluster: unit_of_evidence(factors),
         bootstrap,
         flight_error_correlation,
         widening,
@@ -214,6 +224,24 @@ impl Predicting {
         };
         let contact_weight = parameters.contact.as_ref().map_or(1.0, |c| c.contact_weight);
         Ok(Self { prior, mass_kg: subject.facts.mass_kg, estimator: parameters.estimator, contact_weight })
+    }
+
+    /// Weight of contact beside flights in an identification from these factors, as the stage
+    /// estimates it; none if the estimator uses flights only.
+    pub fn weight_of_contact(&self, subject: &Subject, factors: &[Factor]) -> Result<Option<f64>, StageFailure> {
+        let fail = |e: aloft_identify::IdentifyError| StageFailure::new(e.to_string());
+        let prior = match self.estimator {
+            Estimator::NullVector(_) => return Ok(None),
+            Estimator::MassConstrained => None,
+            Estimator::Regularised { .. } => {
+                let base = BaseParameters::of(&subject.model);
+                Some(LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?)
+            }
+        };
+        let visible = Visible::among(factors, prior.is_some()).map_err(fail)?;
+        let reduced = visible.reduce_all(factors).map_err(fail)?;
+        let (_, balance) = balanced(&reduced, self.mass_kg, prior.as_ref()).map_err(fail)?;
+        Ok(Some(balance.map_or(1.0, |b| b.contact_weight)))
     }
 
     /// Weight of contact rows beside those of flights; none if the estimator uses flights only.
@@ -364,7 +392,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
                 if rows == chosen {
                     let unseen = parameters.effects.iter().filter_map(|e| Some((&e.name, e.not_determined.as_ref()?)));
                     done.warnings.extend(unseen.map(|(name, why)| format!("effect {name} is not determined: {why}")));
-                    done.note("flights", parameters.n_stretches);
+                    done.note("flights", parameters.n_flights());
                     done.note("rows", parameters.n_rows);
                     done.note("gate_passed", parameters.gate.passed);
                     if !parameters.gate.passed {

@@ -372,7 +372,8 @@ IdentifyConfig {
     prior_weight: f64 = 0.0,
     /// Whether plate-measured contact stretches of the identification trials take part. Where not
     /// given: only once the model holds an effect that shows on force plates alone (`plate_gain`,
-    /// `body_mass` …), which nothing else can determine.
+    /// `body_mass` …), which nothing else can determine, or one of which `discover` found that it
+    /// predicts as well with its size from flights and contact together.
     contact: Option<bool> = None,
     /// Bootstrap resamples over flights. Intervals do not use them: they come from the spread among
     /// flights with Student's t.
