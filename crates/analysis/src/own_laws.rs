@@ -174,19 +174,19 @@ mod tests {
         let words = vocabulary(&session).unwrap();
         assert!(words.links.contains(&"link1".to_owned()) && words.quantities.iter().any(|q| q.0 == "qd_link1"));
         for (name, unit) in &words.quantities {
-            let of_unit = if unit == "1" { "N".to_owned() } else { format!("N/({unit})").replace("1/", "") };
             // a coefficient of another unit must be refused, one of the right unit taken
             let right = match unit.as_str() {
                 "1" => "N",
                 "m" => "N/m",
                 "m/s" => "N*s/m",
-                "m/s^2" => "N*s^2/m",
-                "1/s" => "N*s",
-                "1/s^2" => "N*s^2",
+                "m/s²" => "N*s^2/m",
+                "rad/s" => "N*s",
+                "rad/s²" => "N*s^2",
                 "s" => "N/s",
                 "kg" => "N/kg",
-                "kg/m^3" => "N*m^3/kg",
-                _ => &of_unit,
+                "kg/m³" => "N*m^3/kg",
+                "rad" => "N",
+                other => panic!("{name} has the unit {other}"),
             };
             let made = checked(&session, &law(&format!("c * {name}"), right));
             assert!(made.is_ok(), "{name}, {unit}: {:?}", made.err());

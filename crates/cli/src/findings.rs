@@ -95,6 +95,9 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
         if !found.trials.is_empty() {
             out(labelled("  acts in ", &names(&found.trials)))?;
         }
+        if found.sized_with_contact {
+            out(labelled("  sizes from ", "flights and contact together"))?;
+        }
         if let Some(words) = found.other_links() {
             out(labelled("  link not certain: ", &words))?;
         }

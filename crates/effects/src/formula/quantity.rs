@@ -56,9 +56,11 @@ impl QuantityGroup {
     }
 }
 
-/// Names, unit and meaning of all quantities but those of hinges and slides (`q_<link>`,
-/// `qd_<link>`), and the quantity that each component is.
-const QUANTITIES: [(&str, &str, &str, fn(usize) -> Quantity); 24] = [
+/// Names, unit and meaning of quantities, and the quantity that each component is.
+type Named = (&'static str, &'static str, &'static str, fn(usize) -> Quantity);
+
+/// All quantities but those of hinges and slides (`q_<link>`, `qd_<link>`).
+const QUANTITIES: [Named; 24] = [
     ("v_x v_y v_z", "m/s", "velocity of the point", Quantity::V),
     ("speed", "m/s", "its size", |_| Quantity::Speed),
     ("v_world_x v_world_y v_world_z", "m/s", "the same velocity along the axes of the world", Quantity::VWorld),
