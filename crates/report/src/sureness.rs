@@ -103,7 +103,7 @@ pub(crate) fn how_sure(story: &Story<'_>, first: Option<&PlaceError>) -> String 
     parts.extend(story.history.revisions.last().iter().flat_map(|r| &r.cautions).map(|words| sentence_of(words)));
     if let Some(found) = &story.found {
         let p = &found.parameters;
-        let flights = count(p.n_flights(), "flight");
+        let flights = p.stretches();
         let brief = story.comparison.as_ref().map(|v| &v.parameters).filter(|b| b.in_all > 0);
         parts.push(match (p.gate.passed, p.gate.reasons.first(), brief) {
             (true, None, _) => format!("{flights} determine the parameters."),
