@@ -199,7 +199,7 @@ const Kernel = (() => {
     // rows with contact do not give a model that is identified without it, nor the other way round
     if ((k.always_contact || places.some((i) => k.with_contact[i])) !== k.contact) {
       const known = k.known.find((m) => m.effects.length === on.length && on.every((key) => m.effects.includes(key)));
-      return known ? { model: { ...known, effects: on } } : { model: null, because: "these effects change whether contact takes part in the identification, which this page does not hold" };
+      return known ? { model: { ...known, effects: on } } : { model: null, because: "this choice changes whether the model is identified from contact as well, and this page has no numbers for it" };
     }
     const first = []; k.columns.reduce((sum, n, i) => { first[i] = sum; return sum + n; }, 0);
     const chosen = places.flatMap((i) => Array.from({ length: k.columns[i] }, (_, c) => first[i] + c));
