@@ -110,7 +110,16 @@ const Studio = (() => {
     try {
       const found = await S.source.model(S.on);
       if (ticket !== S.ticket) return;
-      if (found && !found.model) at("which").replaceChildren(...prose(`${found.because}: ${S.source.later}`));
+      if (found && !found.model) {
+        // the number of another choice must not stay
+        const why = `${found.because}: ${S.source.later}`;
+        at("value").textContent = "–";
+        at("times").textContent = "";
+        document.querySelector("#studio .studio-gauge .error").style.width = "0";
+        document.querySelector(".ladder .rung.preview")?.remove();
+        at("which").replaceChildren(...prose(why));
+        at("live").textContent = why.replaceAll("`", "");
+      }
       else if (found) {
         if (!S.before && !preview()) S.before = found.model;
         const words = preview() ? `quick: from stored rows${found.words ?? ""}; ${S.source.next(S.on)}` : "the present model";
