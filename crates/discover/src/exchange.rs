@@ -102,6 +102,7 @@ pub(crate) fn exchange(
     let without = problem.shifted(&signal.iter().map(|s| -s).collect::<Vec<_>>());
     let share = true_share(&without, energy(problem, &fitted, &truth.theta), truth.variant.unknowns());
     let residual: Vec<DVector<f64>> = (0..signal.len()).map(|g| without.residual(g)).collect();
+    let (starts_a, starts_b) = (starts(session, problem, &a.variant), starts(session, problem, &b.variant));
     let draws: Vec<f64> = (0..DRAWS)
         .into_par_iter()
         .filter_map(|draw| {
@@ -128,9 +129,10 @@ pub(crate) fn exchange(
                     .collect(),
             };
             let moved = problem.shifted(&delta);
-            let of =
-                |s: &Scored<'_>| error(session, &moved, &s.variant, turned(session, s, draw).map(|t| t.0.nonlinear));
-            let (ea, eb) = (of(a)?, of(b)?);
+            let of = |s: &Scored<'_>, starts: &[Start]| {
+                error(session, &moved, &s.variant, turned(session, s, draw).map(|t| t.0.nonlinear), starts)
+            };
+            let (ea, eb) = (of(a, &starts_a)?, of(b, &starts_b)?);
             Some((eb / ea).ln())
         })
         .collect();
@@ -208,28 +210,47 @@ fn turned<'a>(session: &Session<'_>, b: &Scored<'a>, draw: usize) -> Option<(Var
     changed.then_some((variant, theta))
 }
 
+/// Values of the nonlinear parameters from which an effect is fitted, and its columns there.
+struct Start {
+    nonlinear: Vec<f64>,
+    columns: Vec<DMatrix<f64>>,
+}
+
+/// The starts of an effect on its target; none if nothing of it was fitted but coefficients.
+fn starts(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>) -> Vec<Start> {
+    if variant.fitted == 0 {
+        return Vec::new();
+    }
+    let of = |nonlinear: Vec<f64>| {
+        let columns = variant.columns_at(session, problem, &nonlinear)?;
+        Some(Start { nonlinear, columns })
+    };
+    variant.effect.starts(session.scene, variant.target).into_par_iter().filter_map(of).collect()
+}
+
 /// Held-out error of an effect on its target, fitted from its own starts and, so that it is fitted
 /// as well as it was to the recordings, from its fit there turned like the true effect.
-fn error(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>, turned: Option<Vec<f64>>) -> Option<f64> {
+fn error(
+    session: &Session<'_>,
+    problem: &Problem,
+    variant: &Variant<'_>,
+    turned: Option<Vec<f64>>,
+    starts: &[Start],
+) -> Option<f64> {
     let sum = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
     let at = |nonlinear: Vec<f64>| Variant { nonlinear, fitted: 0, ..variant.clone() };
     if variant.fitted == 0 {
         let columns = variant.columns(session, problem)?;
         return Some(sum(&score(problem, variant.clone(), &problem.reduce(&columns))));
     }
-    let mut starts: Vec<(f64, Vec<f64>)> = variant
-        .effect
-        .starts(session.scene, variant.target)
-        .into_iter()
-        .filter_map(|p| {
-            let columns = at(p.clone()).columns(session, problem)?;
-            let (s, c) = problem.reduce_all(&columns);
-            Some((solve(&s, &c, &variant.coefficients).1, p))
-        })
-        .collect();
-    starts.sort_by(|x, y| y.0.total_cmp(&x.0));
+    let gain = |start: &Start| {
+        let (s, c) = problem.reduce_all(&start.columns);
+        solve(&s, &c, &variant.coefficients).1
+    };
+    let mut ranked: Vec<(f64, &Start)> = starts.iter().map(|s| (gain(s), s)).collect();
+    ranked.sort_by(|x, y| y.0.total_cmp(&x.0));
     let mut best: Option<(Variant<'_>, f64)> = None;
-    for p in turned.into_iter().chain(starts.into_iter().take(2).map(|s| s.1)) {
+    for p in turned.into_iter().chain(ranked.into_iter().take(2).map(|(_, s)| s.nonlinear.clone())) {
         if let Some(found) = improve(session, problem, &at(p), 8)
             && best.as_ref().is_none_or(|b| found.1 > b.1)
         {

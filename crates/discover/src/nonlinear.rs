@@ -8,7 +8,7 @@
 //! linear model alone.
 
 use crate::candidate::{Scored, Variant, fold_freedom, is_determined, pseudo_inverse, pseudo_solve, score, solve};
-use crate::problem::{Problem, ReducedFold};
+use crate::problem::{Domain, Problem, ReducedFold};
 use crate::session::Session;
 use crate::statistics::jackknife_se;
 use aloft_effects::NonlinearParameter;
@@ -50,7 +50,7 @@ fn with_derivatives(
             wide
         })
         .collect();
-    for (j, parameter) in parameters.iter().enumerate() {
+    let slope = |(j, parameter): (usize, &NonlinearParameter)| -> Option<Vec<DVector<f64>>> {
         let mut p = at.p.clone();
         let mut h = 0.02 * parameter.scale;
         if p[j] + h > parameter.upper {
@@ -58,8 +58,12 @@ fn with_derivatives(
         }
         p[j] += h;
         let moved = variant.columns_at(session, problem, &p)?;
-        for ((wide, a), b) in out.iter_mut().zip(&moved).zip(&at.columns) {
-            wide.set_column(k + j, &((a - b) * &at.theta / h));
+        Some(moved.iter().zip(&at.columns).map(|(a, b)| (a - b) * &at.theta / h).collect())
+    };
+    let slopes: Vec<Option<Vec<DVector<f64>>>> = parameters.par_iter().enumerate().map(slope).collect();
+    for (j, slopes) in slopes.into_iter().enumerate() {
+        for (wide, slope) in out.iter_mut().zip(slopes?) {
+            wide.set_column(k + j, &slope);
         }
     }
     Some(out)
@@ -160,8 +164,10 @@ fn joint_se(
 /// grow with the square of the number of recordings.
 const MANY_CLUSTERS: usize = 60;
 
+/// On flights and contact together, unknowns begin at their values in flight and are near their
+/// optimum; no effect is accepted or refused there by its held-out error alone.
 fn is_linear_in_folds(problem: &Problem) -> bool {
-    problem.folds.len() >= MANY_CLUSTERS
+    problem.folds.len() >= MANY_CLUSTERS || problem.domain == Domain::Both
 }
 
 /// The reduced columns for every fold.

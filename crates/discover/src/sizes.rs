@@ -80,18 +80,10 @@ pub(crate) fn by_both<'a>(
             let problem = beside_others(&out.kept, i)?;
             out.kept[i] = improve(session, &problem, &kept[i], STEPS)?.0;
         }
-        out.found[i].sized_with_contact = true;
-        let values = out.kept[i].nonlinear.iter();
-        out.found[i].nonlinear.iter_mut().zip(values).for_each(|(e, value)| e.value = *value);
     }
-    out.staged = session.by_stages.with(&out.found)?;
-    if !predicts_as_well(from_flights.errors, out.staged.errors) {
-        return None;
-    }
-    // intervals, and the model with them
     for &i in &always {
         let problem = beside_others(&out.kept, i)?;
-        let scored = if out.found[i].nonlinear.is_empty() {
+        let scored = if found[i].nonlinear.is_empty() {
             fitted(session, &problem, &out.kept[i])?
         } else {
             score_fitted(session, &problem, out.kept[i].clone())?
@@ -103,7 +95,7 @@ pub(crate) fn by_both<'a>(
         its.coefficients.iter_mut().chain(&mut its.nonlinear).for_each(|e| *e = with_geometry_of_contact(e));
     }
     out.staged = session.by_stages.with(&out.found)?;
-    Some(out)
+    predicts_as_well(from_flights.errors, out.staged.errors).then_some(out)
 }
 
 /// True if a model with sizes from flights and contact predicts recordings that were left out as

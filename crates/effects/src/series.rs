@@ -9,8 +9,9 @@
 //! filter spreads the impact of a landing into the flight.
 
 use crate::{EffectsError, Scene};
+use aloft_body::rotation::quaternion_log;
 use aloft_body::{BaseParameters, JointKind, Model, Motion, State};
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// Wrench of one plate at the frames of the motion, on the body, world axes.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -397,9 +398,14 @@ fn plate_frame(plate: &PlateSeries, frame: usize, rate_hz: f64) -> PlateFrame {
 struct Differentiator<'a> {
     model: &'a Model,
     motion: &'a Motion,
+    valid: Vec<bool>,
+    /// Of each link with a rotation of three degrees of freedom: first of its velocities, and its
+    /// rotation in every frame.
+    rotations: Vec<(usize, Vec<UnitQuaternion<f64>>)>,
+    /// Velocity and coordinate of each joint of one degree of freedom.
+    scalars: Vec<(usize, usize)>,
     reach: [usize; 2],
     central: [(Vec<f64>, Vec<f64>); 2],
-    difference: Vec<f64>,
     v: Vec<f64>,
     a: Vec<f64>,
 }
@@ -431,63 +437,79 @@ impl<'a> Differentiator<'a> {
             let t: Vec<f64> = (0..=2 * h).map(|i| (i as f64 - h as f64) / motion.rate_hz).collect();
             derivative_weights(&t, 3).unwrap_or_default()
         });
-        let (difference, v, a) = (Vec::new(), vec![0.0; model.nv], vec![0.0; model.nv]);
-        Self { model, motion, reach, central, difference, v, a }
+        let valid = (0..motion.n_frames()).map(|f| motion.is_valid(f)).collect();
+        let (mut rotations, mut scalars) = (Vec::new(), Vec::new());
+        for joint in model.links.iter().map(|l| &l.joint) {
+            let of = |first: usize| (0..motion.n_frames()).map(|f| rotation_of(motion.q(f), first)).collect();
+            match joint.kind {
+                JointKind::Free => rotations.push((joint.v_offset + 3, of(joint.q_offset + 3))),
+                JointKind::Spherical => rotations.push((joint.v_offset, of(joint.q_offset))),
+                JointKind::Revolute(_) | JointKind::Prismatic(_) => scalars.push((joint.v_offset, joint.q_offset)),
+                JointKind::Fixed => {}
+            }
+        }
+        let (v, a) = (vec![0.0; model.nv], vec![0.0; model.nv]);
+        Self { model, motion, valid, rotations, scalars, reach, central, v, a }
+    }
+
+    /// Frames up to `reach` from one.
+    fn window(&self, frame: usize, reach: usize) -> std::ops::Range<usize> {
+        frame.saturating_sub(reach)..(frame + reach + 1).min(self.motion.n_frames())
     }
 
     /// Velocities and accelerations; `None` if too few frames are valid.
     fn at(&mut self, frame: usize) -> Option<(&[f64], &[f64])> {
         let here = self.motion.q(frame);
         let free_root = self.model.links.first().is_some_and(|l| l.joint.kind == JointKind::Free);
-        let mut root = [Vector3::zeros(), Vector3::zeros()];
-        let nv = self.model.nv;
-        let window = |h: usize| frame.saturating_sub(h)..(frame + h + 1).min(self.motion.n_frames());
-        // differences of the wider window are also used for the narrower one
-        let widest = window(self.reach[0].max(self.reach[1]));
-        self.difference.resize(widest.len() * nv, 0.0);
-        for (f, difference) in widest.clone().zip(self.difference.chunks_exact_mut(nv)) {
-            if self.motion.is_valid(f) {
-                self.model.difference(here, self.motion.q(f), difference);
-            }
-        }
+        let widest = self.window(frame, self.reach[0].max(self.reach[1]));
+        // weights of both derivatives; zero outside their windows and in frames that are not valid
+        let mut weights = vec![[0.0; 2]; widest.len()];
         for order in 0..2 {
             let h = self.reach[order];
-            let range = window(h);
-            let whole = range.len() == 2 * h + 1 && range.clone().all(|f| self.motion.is_valid(f));
+            let range = self.window(frame, h);
+            let whole = range.len() == 2 * h + 1 && self.valid[range.clone()].iter().all(|v| *v);
+            let used = range.filter(|&f| self.valid[f]);
             let own;
-            let weights = if whole {
+            let both = if whole {
                 &self.central[order]
             } else {
-                let t: Vec<f64> = range
-                    .clone()
-                    .filter(|&f| self.motion.is_valid(f))
-                    .map(|f| (f as f64 - frame as f64) / self.motion.rate_hz)
-                    .collect();
+                let t: Vec<f64> = used.clone().map(|f| (f as f64 - frame as f64) / self.motion.rate_hz).collect();
                 own = derivative_weights(&t, if t.len() > 2 * h { 3 } else { 2 })?;
                 &own
             };
-            let weights = if order == 0 { &weights.0 } else { &weights.1 };
-            let out = if order == 0 { &mut self.v } else { &mut self.a };
-            out.fill(0.0);
-            for (f, w) in range.filter(|&f| self.motion.is_valid(f)).zip(weights) {
-                let at = (f - widest.start) * nv;
-                for (x, d) in out.iter_mut().zip(&self.difference[at..at + nv]) {
-                    *x += w * d;
+            let of_order = if order == 0 { &both.0 } else { &both.1 };
+            used.zip(of_order).for_each(|(f, w)| weights[f - widest.start][order] = *w);
+        }
+        let mut root = [Vector3::zeros(), Vector3::zeros()];
+        self.v.fill(0.0);
+        self.a.fill(0.0);
+        for (f, [first, second]) in widest.zip(weights).filter(|(f, _)| self.valid[*f]) {
+            let there = self.motion.q(f);
+            for &(iv, iq) in &self.scalars {
+                let difference = there[iq] - here[iq];
+                self.v[iv] += first * difference;
+                self.a[iv] += second * difference;
+            }
+            for (iv, turned) in &self.rotations {
+                let difference = quaternion_log(&(turned[frame].inverse() * turned[f]));
+                for axis in 0..3 {
+                    self.v[iv + axis] += first * difference[axis];
+                    self.a[iv + axis] += second * difference[axis];
                 }
-                if free_root {
-                    for k in 0..3 {
-                        root[order][k] += w * (self.motion.q(f)[k] - here[k]);
-                    }
+            }
+            if free_root {
+                for k in 0..3 {
+                    let difference = there[k] - here[k];
+                    root[0][k] += first * difference;
+                    root[1][k] += second * difference;
                 }
             }
         }
         if free_root {
             // in free fall the root's path is a polynomial in the world; differentiate there, then
             // convert to link axes
-            let q = nalgebra::Quaternion::new(here[6], here[3], here[4], here[5]);
-            let world_from_link =
-                self.model.links[0].joint.parent_from_joint.rotation * nalgebra::UnitQuaternion::from_quaternion(q);
             let base = self.model.links[0].joint.parent_from_joint.rotation;
+            let world_from_link = base * self.rotations[0].1[frame];
             let v = world_from_link.inverse() * (base * root[0]);
             let omega = Vector3::new(self.v[3], self.v[4], self.v[5]);
             let a = world_from_link.inverse() * (base * root[1]) - omega.cross(&v);
@@ -496,4 +518,9 @@ impl<'a> Differentiator<'a> {
         }
         Some((&self.v, &self.a))
     }
+}
+
+/// Rotation of a joint from the four coordinates that begin at `first`.
+fn rotation_of(q: &[f64], first: usize) -> UnitQuaternion<f64> {
+    UnitQuaternion::new_normalize(Quaternion::new(q[first + 3], q[first], q[first + 1], q[first + 2]))
 }
