@@ -21,12 +21,13 @@ pub(crate) fn drawn(session: &SubjectSession) -> Vec<TrialDraws> {
     read_json::<StoredFloor>(&folder.join(NOISE_FLOOR_FILE)).map(|s| s.floor.draws).unwrap_or_default()
 }
 
-/// Rows of the base parameters in the windows in contact of trials that have draws there.
+/// Rows of the base parameters in the windows in contact of trials that have draws there, where
+/// contact is held out.
 pub(crate) fn contact_rows(
     session: &SubjectSession,
     draws: &[TrialDraws],
 ) -> Result<Vec<(String, DMatrix<f64>)>, PipelineError> {
-    let has = |name: &str| draws.iter().any(|d| d.trial == name && d.in_flight.contains(&false));
+    let has = |name: &str| draws.iter().any(|d| d.trial == name && d.held_out_contact && d.in_flight.contains(&false));
     with_results(session, |made| {
         let params = compare::Params::of(session);
         let subject = made.results.load_subject("calibrate")?;

@@ -186,7 +186,8 @@ impl NoiseFloor {
                 }
                 groups.add_frame(grouping, trial, f.frame, &f.error, &f.rotation);
             }
-            for w in &part.windows {
+            // contact that is not held out is drawn for what it identifies; no error of it is reported
+            for w in part.windows.iter().filter(|w| !w.contact || facts.held_out_contact) {
                 if counts(w.contact) {
                     let sums = if w.contact { &mut contact_weak } else { &mut flight_weak };
                     if sums.len() <= w.draw {
@@ -213,7 +214,7 @@ impl NoiseFloor {
             draws: trials
                 .iter()
                 .zip(parts)
-                .map(|(facts, part)| TrialDraws::of(&facts.name, &part.windows, &part.geometry, &part.zeros))
+                .map(|(facts, part)| TrialDraws::of(facts, &part.windows, &part.geometry, &part.zeros))
                 .collect(),
         };
         (floor.contact.frames + floor.flight.frames > 0).then_some(floor)
@@ -464,12 +465,10 @@ fn links(body: &Body<'_>, candidate: &Candidate, index: usize) -> Vec<Phi> {
     full.as_slice().chunks_exact(10).map(Phi::from_column_slice).collect()
 }
 
-/// Runs for windows, with a flag for flights. Contact that is not held out has no floor, because it
-/// is not reported.
+/// Runs for windows, with a flag for flights.
 fn runs(input: &TrialInput<'_>, motion: &Motion, options: &CompareOptions) -> Vec<(bool, Range<usize>)> {
     let (contact, flights) = stretches(input, motion, options);
-    let contact = contact.into_iter().filter(|_| input.held_out_contact).map(|r| (false, r));
-    contact.chain(flights.into_iter().map(|r| (true, r))).collect()
+    contact.into_iter().map(|r| (false, r)).chain(flights.into_iter().map(|r| (true, r))).collect()
 }
 
 /// Windows of every run of a motion.

@@ -1,5 +1,6 @@
 //! The draws behind the noise floor, trial by trial, for studies of what such errors do.
 
+use crate::input::TrialFacts;
 use aloft_body::{Model, Motion};
 use nalgebra::Vector6;
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,8 @@ pub struct TrialDraws {
     pub centres: Vec<usize>,
     /// True for windows in flight.
     pub in_flight: Vec<bool>,
+    /// True if the error of its windows in contact is reported; false if they only identify.
+    pub held_out_contact: bool,
     /// For each draw the errors of the windows in their order, six numbers each: force (N) and
     /// moment (N·m), world axes.
     pub errors: Vec<Vec<f32>>,
@@ -36,7 +39,7 @@ pub struct TrialDraws {
 impl TrialDraws {
     /// From the draws of the noise, those of the geometry (each with its errors in the windows, in
     /// their order) and the changes of the joints that these bring.
-    pub(crate) fn of(trial: &str, windows: &[DrawnWindow], geometry: &[Vec<Vector6<f64>>], zeros: &[Vec<f32>]) -> Self {
+    pub(crate) fn of(facts: &TrialFacts, windows: &[DrawnWindow], geometry: &[Vec<Vector6<f64>>], zeros: &[Vec<f32>]) -> Self {
         let first: Vec<&DrawnWindow> = windows.iter().filter(|w| w.draw == 0).collect();
         let mut errors: Vec<Vec<f32>> = Vec::new();
         for w in windows {
@@ -48,7 +51,8 @@ impl TrialDraws {
             errors[w.draw].extend(error.iter().map(|x| *x as f32));
         }
         Self {
-            trial: trial.to_owned(),
+            trial: facts.name.clone(),
+            held_out_contact: facts.held_out_contact,
             centres: first.iter().map(|w| w.centre).collect(),
             in_flight: first.iter().map(|w| !w.contact).collect(),
             errors,

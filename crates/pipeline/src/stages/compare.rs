@@ -37,7 +37,7 @@ pub use trial::{ComparedTrial, HeldOut, has_validation, load_trials};
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 15,
+    version: 16,
     scope: Scope::Session,
     seconds: 0.6,
     reads: "parameters, held-out trials",
