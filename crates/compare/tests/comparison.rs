@@ -291,6 +291,17 @@ fn the_noise_floor_is_the_error_that_noise_makes() {
     assert!(c.axes.iter().all(|a| a.explainable.iter().all(|e| e.is_some_and(|e| e < 0.5))));
     let (taken_over, _) = compare(&body, &candidates, &[trial], Noise::Known(floor), &options).unwrap();
     assert!(serde_json::to_value(&taken_over).unwrap() == serde_json::to_value(&c).unwrap());
+    // contact that only identifies is drawn as well, and is no part of the floor
+    let identifying = TrialInput { held_out_contact: false, ..trial };
+    let noise = Noise::Drawn { filtering, of: None };
+    let (both, _) = compare(&body, &candidates, &[trial, identifying], noise, &options).unwrap();
+    let drawn = both.noise_floor.unwrap();
+    assert_eq!((drawn.contact_floor, &drawn.groups.len()), (floor.contact_floor, &floor.groups.len()));
+    let in_contact = |d: &aloft_compare::TrialDraws| d.in_flight.iter().filter(|flying| !**flying).count();
+    let [held_out, identifies] = &drawn.draws[..] else { panic!("{} trials drawn", drawn.draws.len()) };
+    assert!(held_out.held_out_contact && !identifies.held_out_contact);
+    assert!(in_contact(identifies) > 0 && in_contact(identifies) == in_contact(held_out));
+    assert!(identifies.errors.len() == 4 && identifies.errors[0].iter().any(|e| *e != 0.0));
     // the numbers are the same on every run, and after serialisation
     let (again, _) = compare(&body, &candidates, &[trial], Noise::Drawn { filtering, of: None }, &options).unwrap();
     let text = serde_json::to_value(&c).unwrap();

@@ -96,7 +96,7 @@ struct Case {
     variables: &'static [&'static str],
 }
 
-const CASES: [Case; 10] = [
+const CASES: [Case; 11] = [
     Case {
         name: "drag with the power 1.5 of the speed at the end of a link",
         yaml: "id: hidden\npoint: {link: link1, position_m: [-0.2, 0.0, 0.02]}\n\
@@ -197,6 +197,16 @@ const CASES: [Case; 10] = [
         direction: Direction::Link,
         variables: &["omega_link_x", "omega_link_z"],
     },
+    Case {
+        name: "drag that comes and goes with the clock",
+        yaml: "id: hidden\npoint: {link: link1, position_m: [-0.2, 0.0, 0.02]}\n\
+               force: ['-c*v_x*(1+sin(k*t))', '-c*v_y*(1+sin(k*t))', '-c*v_z*(1+sin(k*t))']\n\
+               coefficients: [{name: c, unit: N*s/m}]\nconstants: [{name: k, unit: rad/s, value: 11.0}]",
+        carriers: &["link1"],
+        action: Action::Force,
+        direction: Direction::AgainstVelocity,
+        variables: &["speed", "t"],
+    },
 ];
 
 fn report(name: &str, d: &Discovery) {
@@ -254,6 +264,7 @@ laws! {
     product_of_joint_angle_and_velocity: 7,
     flow_on_a_wing: 8,
     couple_by_two_spins: 9,
+    drag_by_the_clock: 10,
 }
 
 /// The catalogue's answer is told before the search, then what the search knows, with its steps.

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 /// Number of cubic B-splines of a curve.
 pub(super) const SPLINES: usize = 6;
 /// Bodies with more links than this get one point a link and fewer clocks and anchors.
-const MANY_LINKS: usize = 4;
+pub(super) const MANY_LINKS: usize = 4;
 /// Number of groups kept.
 const KEPT: usize = 300;
 
@@ -510,7 +510,7 @@ impl Periodic {
 }
 
 /// Angular frequencies of the clock, rad/s: steps that lose no line between them, up to 8 Hz.
-fn of_clock(frames: &PlaceFrames<'_>) -> Vec<f64> {
+pub(super) fn of_clock(frames: &PlaceFrames<'_>) -> Vec<f64> {
     let long = |t: &Vec<(EffectFrame<'_>, Instant)>| match (t.first(), t.last()) {
         (Some(a), Some(b)) => b.0.time_s - a.0.time_s,
         _ => 0.0,

@@ -1,16 +1,17 @@
 //! The law for the best entries of the atlas: the simplest expression that is as good as the best,
 //! with a second factor where that removes more, or a free curve.
 
-use super::atlas::{ENDS, Group, PlaceFrames, columns, stride};
+use super::atlas::{ENDS, Group, MANY_LINKS, PlaceFrames, columns, of_clock, stride};
 use super::evidence::Evidence;
 use super::fit::{self, Fitted};
 use super::kinematics::{Action, Carrier, Variable};
 use super::law::{Factor, Law};
 use super::off_link::{ALSO, on_its_link, on_neighbours};
-use super::shape::{KNOTS, Shape};
+use super::shape::{KNOTS, Range, Shape};
 use crate::problem::Problem;
 use crate::progress::Until;
 use crate::session::Session;
+use rayon::prelude::*;
 
 /// A law may leave this much more error than the best one if it is simpler.
 pub(super) const SIMPLER: f64 = 1.02;
@@ -70,10 +71,13 @@ pub(super) fn one_law(
             bases.push(l);
         }
     }
+    // the clock has many frequencies: on a body of many links it is tried for the best law only
+    let few_links = session.scene.model.n_links() <= MANY_LINKS;
     let products: Vec<Fitted> = bases
         .into_iter()
+        .enumerate()
         .filter(|_| !until.is_over())
-        .filter_map(|l| second_factor(session, problem, evidence, l))
+        .filter_map(|(i, l)| second_factor(session, problem, evidence, l, few_links || i == 0))
         .collect();
     if let Some(product) = products.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()))
         && product.error() < SECOND * SECOND * best.error()
@@ -118,8 +122,38 @@ fn simplest(laws: &[Fitted], person: bool) -> Option<&Fitted> {
     laws.iter().filter(as_good).min_by(|a, b| key(a).cmp(&key(b)).then(a.error().total_cmp(&b.error())))
 }
 
-/// A law times a function of a second variable.
-fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, law: &Fitted) -> Option<Fitted> {
+/// A variable that may be a second factor of a law.
+struct Second {
+    /// Share of the error that a curve of it, or a wave of the clock, leaves.
+    ratio: f64,
+    variable: Variable,
+    range: Range,
+    /// Angular frequency of the wave, rad/s.
+    frequency: Option<f64>,
+}
+
+impl Second {
+    /// Shapes with the values of their parameters from which a fit starts.
+    fn shapes(&self) -> Vec<(Shape, Vec<f64>)> {
+        if let Some(k) = self.frequency {
+            return vec![(Shape::WaveAbout, vec![k])];
+        }
+        Shape::of(self.variable.is_signed(), false, false)
+            .into_iter()
+            .filter(|s| !matches!(s, Shape::Sine | Shape::Wave))
+            .flat_map(|s| s.starts(self.range, false).into_iter().map(move |p| (s, p)))
+            .collect()
+    }
+}
+
+/// A law times a function of a second variable, of the clock only if `of_the_clock`.
+fn second_factor(
+    session: &Session<'_>,
+    problem: &Problem,
+    evidence: &Evidence,
+    law: &Fitted,
+    of_the_clock: bool,
+) -> Option<Fitted> {
     let scene = session.scene;
     let (point, anchor, parts) = law.law.divided(&law.nonlinear);
     let frames = PlaceFrames::new(session, law.law.carrier, &point);
@@ -166,25 +200,37 @@ fn second_factor(session: &Session<'_>, problem: &Problem, evidence: &Evidence, 
         let all: Vec<usize> = (0..nb).collect();
         evidence.score(&evidence.prepare(&made, nb), &all).map(|s| s.ratio)
     };
-    let mut tried: Vec<(f64, Variable, super::shape::Range)> = Variable::of(scene)
+    let is_new = |v: Variable| law.law.factors.iter().all(|f| f.variable != v);
+    let mut tried: Vec<Second> = Variable::of(scene)
         .into_iter()
-        .filter(|v| *v != Variable::None && law.law.factors.iter().all(|f| f.variable != *v))
-        .filter_map(|v| {
-            let range = frames.range(v, &anchor, ENDS)?;
-            Some((score_of(Shape::Curve, &[], v, range)?, v, range))
+        .filter(|v| *v != Variable::None && is_new(*v))
+        .filter_map(|variable| {
+            let range = frames.range(variable, &anchor, ENDS)?;
+            let ratio = score_of(Shape::Curve, &[], variable, range)?;
+            Some(Second { ratio, variable, range, frequency: None })
         })
         .collect();
-    tried.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let variable = Variable::Clock;
+    if let Some(range) = frames.range(variable, &anchor, 0.0).filter(|_| of_the_clock && is_new(variable)) {
+        let of = |k: f64| {
+            let ratio = score_of(Shape::WaveAbout, &[k], variable, range)?;
+            Some(Second { ratio, variable, range, frequency: Some(k) })
+        };
+        let waves: Vec<Second> = of_clock(&frames).into_par_iter().filter_map(of).collect();
+        tried.extend(waves.into_iter().min_by(|a, b| a.ratio.total_cmp(&b.ratio)));
+    }
+    tried.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
     let plain = law.error() / evidence.plain[0];
     let mut best: Option<Fitted> = None;
-    for (ratio, variable, range) in tried.into_iter().take(3) {
-        if ratio > SECOND * SECOND * plain {
+    for second in tried.into_iter().take(3) {
+        if second.ratio > SECOND * SECOND * plain {
             break;
         }
-        let mut shapes: Vec<(f64, Shape, Vec<f64>)> = Shape::of(variable.is_signed(), false, false)
+        let Second { variable, range, .. } = second;
+        let mut shapes: Vec<(f64, Shape, Vec<f64>)> = second
+            .shapes()
             .into_iter()
-            .filter(|s| !matches!(s, Shape::Sine | Shape::Wave) && law.law.terms() * s.terms() <= 4)
-            .flat_map(|s| s.starts(range, false).into_iter().map(move |p| (s, p)))
+            .filter(|(s, _)| law.law.terms() * s.terms() <= 4)
             .filter_map(|(s, p)| Some((score_of(s, &p, variable, range)?, s, p)))
             .collect();
         shapes.sort_by(|a, b| a.0.total_cmp(&b.0));
