@@ -96,7 +96,7 @@ struct Case {
     variables: &'static [&'static str],
 }
 
-const CASES: [Case; 11] = [
+const CASES: [Case; 12] = [
     Case {
         name: "drag with the power 1.5 of the speed at the end of a link",
         yaml: "id: hidden\npoint: {link: link1, position_m: [-0.2, 0.0, 0.02]}\n\
@@ -207,6 +207,17 @@ const CASES: [Case; 11] = [
         direction: Direction::AgainstVelocity,
         variables: &["speed", "t"],
     },
+    Case {
+        name: "a wave that travels upwards",
+        yaml: "id: hidden\npoint: {link: link0, position_m: [0.0, 0.18, 0.02]}\n\
+               force: ['c_x*sin(k*t-m*r_z)', 'c_y*sin(k*t-m*r_z)', 'c_z*sin(k*t-m*r_z)']\n\
+               coefficients: [{name: c_x, unit: N}, {name: c_y, unit: N}, {name: c_z, unit: N}]\n\
+               constants: [{name: k, unit: rad/s, value: 9.0}, {name: m, unit: rad/m, value: 4.0}]",
+        carriers: &["link0"],
+        action: Action::Force,
+        direction: Direction::World,
+        variables: &["r_z", "t"],
+    },
 ];
 
 fn report(name: &str, d: &Discovery) {
@@ -265,6 +276,7 @@ laws! {
     flow_on_a_wing: 8,
     couple_by_two_spins: 9,
     drag_by_the_clock: 10,
+    travelling_wave: 11,
 }
 
 /// The catalogue's answer is told before the search, then what the search knows, with its steps.

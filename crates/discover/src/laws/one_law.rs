@@ -73,12 +73,14 @@ pub(super) fn one_law(
     }
     // the clock has many frequencies: on a body of many links it is tried for the best law only
     let few_links = session.scene.model.n_links() <= MANY_LINKS;
-    let products: Vec<Fitted> = bases
+    let mut products: Vec<Fitted> = bases
         .into_iter()
         .enumerate()
         .filter(|_| !until.is_over())
         .filter_map(|(i, l)| second_factor(session, problem, evidence, l, few_links || i == 0))
         .collect();
+    let waves = laws.iter().filter(|l| wave_of_the_clock(l).is_some()).take(2);
+    products.extend(waves.filter(|_| !until.is_over()).filter_map(|l| travelling(session, problem, l)));
     if let Some(product) = products.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()))
         && product.error() < SECOND * SECOND * best.error()
     {
@@ -120,6 +122,41 @@ fn simplest(laws: &[Fitted], person: bool) -> Option<&Fitted> {
     // one variable is simpler than two, whatever the number of unknowns
     let key = |f: &Fitted| (f.law.factors.len(), f.unknowns, one_sided(f));
     laws.iter().filter(as_good).min_by(|a, b| key(a).cmp(&key(b)).then(a.error().total_cmp(&b.error())))
+}
+
+/// The factor of a law that is nothing but a wave of the clock.
+fn wave_of_the_clock(law: &Fitted) -> Option<&Factor> {
+    let [only] = &law.law.factors[..] else { return None };
+    let wave = matches!(only.shape, Shape::Sine | Shape::Wave | Shape::WaveAbout);
+    (wave && only.variable == Variable::Clock).then_some(only)
+}
+
+/// A wave of the clock as one that travels through the room: waves of clock and place, of which the
+/// products of sines and cosines hold both directions of travel.
+fn travelling(session: &Session<'_>, problem: &Problem, law: &Fitted) -> Option<Fitted> {
+    /// Steps of a fit from each start, of which the best is fitted to the end.
+    const FEW: usize = 2;
+    let of_clock = wave_of_the_clock(law)?;
+    let (point, anchor, _) = law.law.divided(&law.nonlinear);
+    let frames = PlaceFrames::new(session, law.law.carrier, &point);
+    let places = (0..3).filter_map(|axis| {
+        let variable = Variable::Place(axis);
+        Some((variable, frames.range(variable, &anchor, ENDS)?))
+    });
+    let starts: Vec<(Law, Vec<f64>)> = places
+        .flat_map(|(variable, range)| {
+            let clock = Factor { shape: Shape::Wave, ..of_clock.clone() };
+            let place = Factor { variable, shape: Shape::Wave, range, fixed: None };
+            let with = Law { factors: vec![clock, place], ..law.law.clone() };
+            Shape::Wave
+                .starts(range, false)
+                .into_iter()
+                .map(move |p| (with.clone(), [law.nonlinear.as_slice(), &p].concat()))
+        })
+        .collect();
+    let begun = starts.into_par_iter().filter_map(|(law, start)| fit::fit(session, problem, &law, start, FEW));
+    let best = begun.collect::<Vec<_>>().into_iter().min_by(|a, b| a.error().total_cmp(&b.error()))?;
+    fit::fit(session, problem, &best.law, best.nonlinear.clone(), fit::STEPS)
 }
 
 /// A variable that may be a second factor of a law.
