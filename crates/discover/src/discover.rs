@@ -10,6 +10,7 @@ use crate::ladder::{Refit, as_found, extra_columns, key_of, prune, refit_found, 
 use crate::limits::limit;
 use crate::not_tried::not_tried;
 use crate::on_which_link::name_other_links;
+use crate::one_is_enough::one_is_enough;
 use crate::options::DiscoverOptions;
 use crate::pairs::{ALONE, CARRIED, Search, better_pair, pair_alone, pair_as_good};
 use crate::problem::{Domain, Problem};
@@ -379,8 +380,9 @@ fn without_refused(
     }
     widen_found(session, accepted, &kept, &mut found, options);
     widen_named(session, accepted, effects, &kept, &mut rounds, options);
-    name_other_links(session, accepted, &kept, &mut found, options);
     let made = RoundResults { rounds, found, kept, contradicted, left_out, errors: [before, after], has_flights };
+    let mut made = one_is_enough(session, effects, accepted, &made, options).unwrap_or(made);
+    name_other_links(session, accepted, &made.kept, &mut made.found, options);
     let answer = match conclude(session, effects, accepted, made.clone(), until, options) {
         Err(Unnamed::All(why)) => {
             let nothing = made.naming_nothing(why.clone());

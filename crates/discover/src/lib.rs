@@ -82,6 +82,7 @@ mod limits;
 mod nonlinear;
 mod not_tried;
 mod on_which_link;
+mod one_is_enough;
 mod only_as_limit;
 mod options;
 mod pairs;

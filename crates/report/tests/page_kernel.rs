@@ -41,15 +41,18 @@ fn evaluated(script: &str, folder: &Path) -> Option<Value> {
     let text = script.replace("</", "<\\/");
     let show = "document.body.textContent = 'answer' + JSON.stringify(answer) + 'end';";
     std::fs::write(&page, format!("<!doctype html><meta charset=utf-8><body><script>{text}\n{show}</script>")).unwrap();
-    for browser in ["chromium", "chromium-browser", "google-chrome"] {
-        let words = ["--headless", "--no-sandbox", "--disable-gpu", "--dump-dom"];
-        if let Ok(done) = Command::new(browser).args(words).arg(&page).output() {
-            let dom = String::from_utf8_lossy(&done.stdout).into_owned();
-            let own = dom.split("answer{").nth(1).and_then(|t| t.split("}end").next()).expect("an answer on the page");
-            return Some(serde_json::from_str(&format!("{{{}}}", own.replace("&amp;", "&"))).unwrap());
-        }
-    }
-    None
+    let dom = shown(&page.display().to_string())?;
+    let own = dom.split("answer{").nth(1).and_then(|t| t.split("}end").next()).expect("an answer on the page");
+    Some(serde_json::from_str(&format!("{{{}}}", own.replace("&amp;", "&"))).unwrap())
+}
+
+/// What a browser shows of a page after its scripts have run; none without Chromium.
+fn shown(address: &str) -> Option<String> {
+    ["chromium", "chromium-browser", "google-chrome"].into_iter().find_map(|browser| {
+        let words = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=20000", "--dump-dom"];
+        let done = Command::new(browser).args(words).arg(address).output().ok()?;
+        Some(String::from_utf8_lossy(&done.stdout).into_owned())
+    })
 }
 
 /// Choices of switches: none, each, and random ones.
@@ -106,7 +109,7 @@ fn validate_the_page_computes_what_the_program_computes() {
             println!("skipped: neither node nor Chromium is installed");
             return;
         };
-        let mut held_by_the_page = 0;
+        let (mut held_by_the_page, mut without_number) = (0, None);
         let mut worst = [(0.0, String::new()), (0.0, String::new()), (0.0, String::new())];
         let mut note = |kind: usize, a: &Value, b: &Value, scale: f64, words: String| {
             let by = (a.as_f64().unwrap() - b.as_f64().unwrap()).abs() / scale;
@@ -128,6 +131,7 @@ fn validate_the_page_computes_what_the_program_computes() {
             if switches.changes_contact(on).unwrap() {
                 let Some(held) = own["model"].as_object() else {
                     assert!(own["because"].as_str().unwrap().contains("contact"), "{data}: {words}");
+                    without_number.get_or_insert(on.join(","));
                     continue;
                 };
                 held_by_the_page += 1;
@@ -193,5 +197,24 @@ fn validate_the_page_computes_what_the_program_computes() {
         for (by, words) in &worst {
             assert!(*by < TOLERANCE, "{data}: {by:.1e} at {words}");
         }
+        if let Some(on) = without_number {
+            no_number_is_shown(&session, &on);
+        }
     }
+}
+
+/// A choice for which the page has no number shows none, and why; not the number of another choice.
+fn no_number_is_shown(session: &SubjectSession, on: &str) {
+    let page = aloft_report::write(session, None).unwrap();
+    let value = |address: &str| -> Option<String> {
+        let dom = shown(address)?;
+        let part = |id: &str| dom.split(&format!("id=\"studio-{id}\"")).nth(1).and_then(|t| t.split('<').next());
+        let text = |id: &str| part(id).and_then(|t| t.split('>').nth(1)).unwrap_or_default().trim().to_owned();
+        Some(format!("{} | {}", text("value"), text("which")))
+    };
+    let plain = format!("file://{}", page.display());
+    let Some(present) = value(&plain) else { return println!("skipped: Chromium is not installed") };
+    assert!(present.contains(" N |"), "{present}");
+    let chosen = value(&format!("{plain}?on={on}")).unwrap();
+    assert!(chosen.starts_with("– |") && chosen.contains("contact"), "{on}: {chosen}");
 }
