@@ -31,8 +31,8 @@ const AS_GOOD: f64 = 1.02;
 const LOST: f64 = 1.05;
 
 /// Factor of the standard errors for errors of contact that repeat in every recording and that no
-/// draw holds, such as skin that moves the same way in every stance. Set on 16 coefficients of known
-/// size, whose errors were 1.4 times what their standard errors without it account for.
+/// draw holds, such as skin that moves the same way in every stance. Set on 16 coefficients of
+/// known size, whose errors were 1.4 times what their standard errors without it account for.
 const NOT_DRAWN: f64 = 1.5;
 
 /// An estimate whose error also holds these.
