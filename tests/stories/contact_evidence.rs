@@ -35,8 +35,8 @@ fn what_the_plates_rule_out_leaves_nothing_else_out() {
     assert!((low..high).contains(&13.49) && low > 10.0, "{crane}");
 }
 
-/// Flights cannot tell gravity from a crane. With the crane in the model a gain of the plates seemed
-/// to be missing in contact, too; gravity alone explains both.
+/// Flights cannot tell gravity from a crane. With the crane in the model a gain of the plates
+/// seemed to be missing in contact, too; gravity alone explains both.
 #[test]
 fn one_effect_that_explains_both_is_preferred_to_two() {
     let found = discovered("human_gravity", &["--closed"]);

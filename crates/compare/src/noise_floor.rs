@@ -186,7 +186,8 @@ impl NoiseFloor {
                 }
                 groups.add_frame(grouping, trial, f.frame, &f.error, &f.rotation);
             }
-            // contact that is not held out is drawn for what it identifies; no error of it is reported
+            // contact that is not held out is drawn because it identifies; no error of it is
+            // reported
             for w in part.windows.iter().filter(|w| !w.contact || facts.held_out_contact) {
                 if counts(w.contact) {
                     let sums = if w.contact { &mut contact_weak } else { &mut flight_weak };

@@ -39,7 +39,12 @@ pub struct TrialDraws {
 impl TrialDraws {
     /// From the draws of the noise, those of the geometry (each with its errors in the windows, in
     /// their order) and the changes of the joints that these bring.
-    pub(crate) fn of(facts: &TrialFacts, windows: &[DrawnWindow], geometry: &[Vec<Vector6<f64>>], zeros: &[Vec<f32>]) -> Self {
+    pub(crate) fn of(
+        facts: &TrialFacts,
+        windows: &[DrawnWindow],
+        geometry: &[Vec<Vector6<f64>>],
+        zeros: &[Vec<f32>],
+    ) -> Self {
         let first: Vec<&DrawnWindow> = windows.iter().filter(|w| w.draw == 0).collect();
         let mut errors: Vec<Vec<f32>> = Vec::new();
         for w in windows {
