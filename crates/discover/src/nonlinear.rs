@@ -8,7 +8,7 @@
 //! linear model alone.
 
 use crate::candidate::{Scored, Variant, fold_freedom, is_determined, pseudo_inverse, pseudo_solve, score, solve};
-use crate::problem::{Domain, Problem, ReducedFold};
+use crate::problem::{Problem, ReducedFold};
 use crate::session::Session;
 use crate::statistics::jackknife_se;
 use aloft_effects::NonlinearParameter;
@@ -164,10 +164,8 @@ fn joint_se(
 /// grow with the square of the number of recordings.
 const MANY_CLUSTERS: usize = 60;
 
-/// On flights and contact together, unknowns begin at their values in flight and are near their
-/// optimum; no effect is accepted or refused there by its held-out error alone.
 fn is_linear_in_folds(problem: &Problem) -> bool {
-    problem.folds.len() >= MANY_CLUSTERS || problem.domain == Domain::Both
+    problem.folds.len() >= MANY_CLUSTERS
 }
 
 /// The reduced columns for every fold.
