@@ -511,26 +511,22 @@ impl Windows {
     /// `−Σ ψ (f, n₀ − o × f)` in the rows' weights.
     fn apply(&self, series: &Series<'_>, columns: &Columns, rows: &mut DMatrix<f64>) {
         let frames = series.motion_frames();
-        for (w, &centre) in self.centres.iter().enumerate() {
+        for (w, (&centre, origin)) in self.centres.iter().zip(&self.origin).enumerate() {
             let first = centre - self.half;
             let Some(start) = series.index_of(first) else { continue };
+            // frames ascend: the last one in its place means that none between is missing
+            let is_whole = frames.get(start + self.psi.len() - 1) == Some(&(first + self.psi.len() - 1));
+            let has = |i: usize| is_whole || frames.get(start + i) == Some(&(first + i));
             for c in 0..columns.k {
-                let mut sum = [0.0; 6];
-                for (i, (psi, at)) in self.psi.iter().zip(&self.origin[w]).enumerate() {
-                    // frames of a window are contiguous, so their indices are too
-                    let index = start + i;
-                    if frames.get(index) != Some(&(first + i)) {
-                        continue;
-                    }
-                    let force = columns.force(index, c);
-                    let moment = columns.moment(index, c) - at.position.cross(&force);
-                    for axis in 0..3 {
-                        sum[axis] -= psi * self.force_weight * force[axis];
-                        sum[3 + axis] -= psi * self.moment_weight * moment[axis];
-                    }
+                let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
+                for (i, (psi, at)) in self.psi.iter().zip(origin).enumerate().filter(|(i, _)| has(*i)) {
+                    let f = columns.force(start + i, c);
+                    force += f * *psi;
+                    moment += (columns.moment(start + i, c) - at.position.cross(&f)) * *psi;
                 }
-                for (axis, s) in sum.iter().enumerate() {
-                    rows[(6 * w + axis, c)] += s;
+                for axis in 0..3 {
+                    rows[(6 * w + axis, c)] -= self.force_weight * force[axis];
+                    rows[(6 * w + 3 + axis, c)] -= self.moment_weight * moment[axis];
                 }
             }
         }

@@ -15,7 +15,8 @@ use rayon::prelude::*;
 
 /// Number of cubic B-splines of a curve.
 pub(super) const SPLINES: usize = 6;
-/// Bodies with more links than this get one point a link and fewer clocks and anchors.
+/// Bodies with more links than this get two points a link, its centre of mass and its proximal joint, and fewer clocks and
+/// anchors.
 pub(super) const MANY_LINKS: usize = 4;
 /// Number of groups kept.
 const KEPT: usize = 300;
@@ -190,18 +191,17 @@ pub(crate) fn stride(session: &Session<'_>) -> usize {
     ((rate / 100.0).floor() as usize).max(1)
 }
 
-/// Points of a carrier at which forces are tried.
+/// Points of a carrier at which forces are tried: the centre of mass and the proximal joint; on bodies of few links the
+/// other ends, too.
 pub(crate) fn points(scene: &Scene, carrier: Carrier) -> Vec<Vector3<f64>> {
     let Carrier::Link(i) = carrier else { return vec![Vector3::zeros()] };
     let com = scene.link_com_m[i];
-    if scene.model.n_links() > MANY_LINKS {
-        return vec![com];
-    }
     // the ends of the link: its joints, and their reflections at the centre of mass
     let mut out = vec![com];
-    let mut ends = vec![Vector3::zeros(), com * 2.0];
-    for link in &scene.model.links {
-        if link.parent == Some(i) {
+    let mut ends = vec![Vector3::zeros()];
+    if scene.model.n_links() <= MANY_LINKS {
+        ends.push(com * 2.0);
+        for link in scene.model.links.iter().filter(|l| l.parent == Some(i)) {
             let joint = link.joint.parent_from_joint.translation.vector;
             ends.extend([joint, com * 2.0 - joint]);
         }
@@ -276,17 +276,20 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
     let none = Vector3::zeros();
     let mut out = Atlas { groups: Vec::new(), null: vec![1.0; evidence.plain.len() - 1], tried: 0 };
     let stride = stride(session);
+    // what a link does as a whole is tried at its centre of mass
+    let every_variable = job.first_point || scene.model.n_links() <= MANY_LINKS;
     let weights: Vec<(Variable, Range, Vec<Vec<f64>>, usize)> = Variable::of(scene)
         .into_iter()
+        .filter(|v| every_variable || v.is_of_point())
         .filter_map(|v| curve_of(&frames, v, &none).map(|(range, weight, nb)| (v, range, weight, nb)))
         .collect();
     // a product of a rate and a place shows in neither alone if it is odd in both
     let products: Vec<(Variable, Range, Vec<Vec<f64>>)> = Variable::of(scene)
         .into_iter()
-        .filter(|v| *v != Variable::None)
+        .filter(|v| job.first_point && *v != Variable::None)
         .filter_map(|v| Some((v, frames.range(v, &none, ENDS)?, frames.values(v, &none))))
         .collect();
-    let waves = Periodic::of(scene, &frames);
+    let waves = if job.first_point { Periodic::of(scene, &frames) } else { Vec::new() };
     let mut add = |unit: &[Vec<Vec<[f64; 6]>>], base: &Group, choices: &[&[usize]], weight: &[Vec<f64>], nb: usize| {
         let columns = columns(session, problem, unit, weight, nb, stride);
         if !columns.iter().all(|c| c.iter().all(|x| x.is_finite())) {
@@ -386,7 +389,8 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
             }
         }
     }
-    for anchor in anchors(scene, &frames) {
+    let anchors = if every_variable { anchors(scene, &frames) } else { Vec::new() };
+    for anchor in anchors {
         let Some(Towards { unit, weight, range }) = towards(&frames, &anchor) else { continue };
         let base = Group { variable: Variable::Distance, range, anchor, ..blank(Action::Force, Direction::Towards) };
         add(&unit, &base, &[&[0]], &weight, POWERS);

@@ -326,6 +326,14 @@ impl Variable {
         )
     }
 
+    /// True if it differs from point to point of a link.
+    pub fn is_of_point(self) -> bool {
+        matches!(
+            self,
+            Self::Speed | Self::VelocityInWorld(_) | Self::VelocityInLink(_) | Self::Place(_) | Self::Distance
+        )
+    }
+
     /// True if it takes both signs.
     pub fn is_signed(self) -> bool {
         !matches!(self, Self::None | Self::Speed | Self::Spin | Self::SinceTakeOff | Self::Clock | Self::Distance)
