@@ -227,8 +227,7 @@ pub(crate) fn conclude(
             its.for_each(|c| c.coefficients.clone_from(&only.coefficients));
         }
     }
-    let empty = || kept.iter().zip(&found).find_map(|(v, f)| Refused::without_what_makes_it(v, f));
-    if asked_for_all && let Some(no) = empty() {
+    if asked_for_all && let Some(no) = Refused::without_what_makes_it(&kept, &found) {
         return Err(if found.len() == 1 { Unnamed::All(no.words) } else { Unnamed::One(no) });
     }
     let mut out = Discovery {

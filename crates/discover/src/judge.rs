@@ -112,6 +112,16 @@ pub(crate) fn accompanied(
     (!seen.is_empty() && !main.iter().any(|(_, e)| is_seen(e))).then(|| [names(&main), names(&seen)])
 }
 
+/// Name of the one coefficient that makes an effect, if its interval holds zero. Several that make
+/// it together can each hold zero where their sum does not. A coefficient that is determined
+/// together with others only has no interval.
+pub(crate) fn may_be_zero(about: &About<'_>, coefficients: &[Coefficient], estimates: &[Estimate]) -> Option<String> {
+    let mut main = coefficients.iter().zip(estimates).filter(|(c, _)| !about.is_accompanied_by(&c.name));
+    let (Some((coefficient, its)), None) = (main.next(), main.next()) else { return None };
+    let [low, high] = its.ci95?;
+    (low <= 0.0 && high >= 0.0).then(|| coefficient.name.clone())
+}
+
 /// Effect size at which the held-out ratio falls below the threshold in four of five sessions.
 pub(crate) fn minimum_detectable(problem: &Problem, scored: &Scored<'_>, noise_square: f64, threshold: f64) -> f64 {
     let unit = &scored.variant.coefficients[0].unit;
@@ -381,5 +391,20 @@ mod tests {
         assert!(of(&["hanging"], &["mass", "hanging"], &[estimate(0.0, None), seen()]).is_some());
         // areas of several links all make the drag
         assert!(of(&[], &["area_link0", "area_link1"], &[zero(), seen()]).is_none());
+    }
+
+    #[test]
+    fn an_effect_whose_size_may_be_zero_is_told() {
+        let of = |accompanying: &[&str], names: &[&str], estimates: &[Estimate]| {
+            let coefficients: Vec<Coefficient> = names.iter().map(|n| Coefficient::free(*n, "1")).collect();
+            may_be_zero(&About { accompanying, ..About::PLAIN }, &coefficients, estimates)
+        };
+        let zero = || estimate(1.0, Some(1.5));
+        let line = ["stiffness", "damping"];
+        assert_eq!(of(&["damping"], &line, &[zero(), zero()]), Some("stiffness".to_owned()));
+        assert!(of(&["damping"], &line, &[estimate(3.0, Some(1.0)), zero()]).is_none());
+        assert!(of(&["damping"], &line, &[estimate(3.0, None), zero()]).is_none());
+        // each area may be zero, both together not
+        assert!(of(&[], &["area_link0", "area_link1"], &[zero(), zero()]).is_none());
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
-use crate::judge::accompanied;
+use crate::judge::{accompanied, may_be_zero};
 use crate::result::Found;
 use crate::wording::digits;
 
@@ -45,17 +45,24 @@ impl Refused {
         })
     }
 
-    /// An effect of which only what accompanies it differs from zero ([`accompanied`]) is refused.
-    pub fn without_what_makes_it(variant: &Variant<'_>, found: &Found) -> Option<Self> {
-        let [main, others] = accompanied(&variant.effect.about(), &variant.coefficients, &found.coefficients)?;
-        Some(Self {
-            id: found.effect.clone(),
-            words: format!(
-                "`{}` is not named: its {} could be zero (95 % intervals); only {} could not",
-                found.key,
-                main.join(", "),
-                others.join(", ")
-            ),
+    /// An effect of which only what accompanies it differs from zero ([`accompanied`]) is refused,
+    /// and one whose size may be zero ([`may_be_zero`]), unless `found` holds it more than once: then
+    /// only their sum may be seen.
+    pub fn without_what_makes_it(kept: &[Variant<'_>], found: &[Found]) -> Option<Self> {
+        kept.iter().zip(found).find_map(|(variant, its)| {
+            let (about, of) = (variant.effect.about(), &variant.coefficients);
+            let once = || found.iter().filter(|f| f.effect == its.effect).count() == 1;
+            let why = match accompanied(&about, of, &its.coefficients) {
+                Some([main, others]) => {
+                    let (main, others) = (main.join(", "), others.join(", "));
+                    format!("its {main} could be zero (95 % intervals); only {others} could not")
+                }
+                None => {
+                    let main = may_be_zero(&about, of, &its.coefficients).filter(|_| once())?;
+                    format!("its {main} could be zero (95 % interval)")
+                }
+            };
+            Some(Self { id: its.effect.clone(), words: format!("`{}` is not named: {why}", its.key) })
         })
     }
 }
