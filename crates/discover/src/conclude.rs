@@ -228,7 +228,8 @@ pub(crate) fn conclude(
         }
     }
     if asked_for_all && let Some(no) = Refused::without_what_makes_it(&kept, &found) {
-        return Err(if found.len() == 1 { Unnamed::All(no.words) } else { Unnamed::One(no) });
+        // others of its class are judged without it
+        return Err(if found.len() == 1 && once.len() < 2 { Unnamed::All(no.words) } else { Unnamed::One(no) });
     }
     let mut out = Discovery {
         schema: 1,
