@@ -46,8 +46,8 @@ impl Refused {
     }
 
     /// An effect of which only what accompanies it differs from zero ([`accompanied`]) is refused,
-    /// and one whose size may be zero ([`may_be_zero`]), unless `found` holds it more than once: then
-    /// only their sum may be seen.
+    /// and one whose size may be zero ([`may_be_zero`]), unless `found` holds it more than once:
+    /// then only their sum may be seen.
     pub fn without_what_makes_it(kept: &[Variant<'_>], found: &[Found]) -> Option<Self> {
         kept.iter().zip(found).find_map(|(variant, its)| {
             let (about, of) = (variant.effect.about(), &variant.coefficients);

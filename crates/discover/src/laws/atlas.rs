@@ -15,8 +15,8 @@ use rayon::prelude::*;
 
 /// Number of cubic B-splines of a curve.
 pub(super) const SPLINES: usize = 6;
-/// Bodies with more links than this get two points a link, its centre of mass and its proximal joint, and fewer clocks and
-/// anchors.
+/// Bodies with more links than this get two points a link, its centre of mass and its proximal
+/// joint, and fewer clocks and anchors.
 pub(super) const MANY_LINKS: usize = 4;
 /// Number of groups kept.
 const KEPT: usize = 300;
@@ -191,8 +191,8 @@ pub(crate) fn stride(session: &Session<'_>) -> usize {
     ((rate / 100.0).floor() as usize).max(1)
 }
 
-/// Points of a carrier at which forces are tried: the centre of mass and the proximal joint; on bodies of few links the
-/// other ends, too.
+/// Points of a carrier at which forces are tried: the centre of mass and the proximal joint; on
+/// bodies of few links the other ends, too.
 pub(crate) fn points(scene: &Scene, carrier: Carrier) -> Vec<Vector3<f64>> {
     let Carrier::Link(i) = carrier else { return vec![Vector3::zeros()] };
     let com = scene.link_com_m[i];
