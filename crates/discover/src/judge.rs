@@ -112,9 +112,9 @@ pub(crate) fn accompanied(
     (!seen.is_empty() && !main.iter().any(|(_, e)| is_seen(e))).then(|| [names(&main), names(&seen)])
 }
 
-/// Name of the one coefficient that makes an effect, if its interval holds zero. Several that make
-/// it together can each hold zero where their sum does not. A coefficient that is determined
-/// together with others only has no interval.
+/// Name of the one coefficient that makes an effect, if its interval contains zero. Where several
+/// coefficients make the effect, each interval may contain zero although their sum differs from it:
+/// nothing is told of them, nor of a coefficient without an interval.
 pub(crate) fn may_be_zero(about: &About<'_>, coefficients: &[Coefficient], estimates: &[Estimate]) -> Option<String> {
     let mut main = coefficients.iter().zip(estimates).filter(|(c, _)| !about.is_accompanied_by(&c.name));
     let (Some((coefficient, its)), None) = (main.next(), main.next()) else { return None };

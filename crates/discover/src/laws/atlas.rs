@@ -276,7 +276,7 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
     let none = Vector3::zeros();
     let mut out = Atlas { groups: Vec::new(), null: vec![1.0; evidence.plain.len() - 1], tried: 0 };
     let stride = stride(session);
-    // what a link does as a whole is tried at its centre of mass
+    // variables that are the same all over a link are tried at its centre of mass only
     let every_variable = job.first_point || scene.model.n_links() <= MANY_LINKS;
     let weights: Vec<(Variable, Range, Vec<Vec<f64>>, usize)> = Variable::of(scene)
         .into_iter()
