@@ -127,6 +127,14 @@ class Bench(Laboratories):
 
 # ---- scoring -----------------------------------------------------------------------------------
 
+def in_the_models_axes(name, truth):
+    """A variable of the truth as the program names it. The simulator's links have the axes of the laboratory in the neutral
+    posture, with palms to the thighs; the model's hands have z along the styloids (ISB), a quarter turn about y from there."""
+    part, _, k = name.rpartition("_")
+    turned = part in ("v_link", "omega_link", "tilt") and any(link.startswith("hand_") for link in truth["carriers"])
+    return f"{part}_{dict(x='z', y='y', z='x')[k]}" if turned else name
+
+
 def right_of(claim, truth):
     """Whether link and action, and whether direction and variables of a claim are right. The link is right if it is among at
     most three that are named."""
@@ -137,7 +145,7 @@ def right_of(claim, truth):
     said = claim.get("variables", claim.get("variable"))
     said = set(said.split("*") if isinstance(said, str) else said or [])
     said -= {"1"}
-    variables = bool(said or truth["constant"]) and any(said <= set(v) for v in truth["variables"])
+    variables = bool(said or truth["constant"]) and any(said <= {in_the_models_axes(name, truth) for name in v} for v in truth["variables"])
     return where, claim.get("direction") in truth["directions"] and variables
 
 
