@@ -63,7 +63,7 @@ pub(crate) fn look_beyond(
     let compared_there = acting && session.prior.is_some() && left[1].is_some();
     let above = |s: &HeldOutResult| s.may_hide_more() || compared_there && s.times_floor() > 1.0;
     // so is an anchor whose place the recordings do not show
-    let unknown_place = kept.iter().zip(&out.found).any(|(v, f)| has_unknown_place(session, v, f));
+    let unknown_place = kept.iter().zip(&out.found).any(|(v, f)| has_unknown_place(session, v, &f.nonlinear));
     let may_hide = far_away || unknown_place || above_in_contact || left[0].as_ref().is_some_and(above);
     let hides = far_in_contact || with_effects.is_some() && may_hide;
     if !(remains || several_above || hides || out.misfit.is_some()) {

@@ -5,15 +5,16 @@
 //! leave the same error then, whichever is true, and no ratio of errors separates them. The
 //! recordings still say whether a place or speed that a laboratory has would do: the richer effect
 //! is fitted again within the nearer half of the range. If that is worse by more than chance, what
-//! remains of the richer effect is the simpler one under another name.
+//! remains of the richer effect is the simpler one under another name. The same holds if the
+//! recordings do not show the place: its interval reaches beyond the range in which it is sought.
 
 use crate::candidate::{Scored, Variant, solve};
-use crate::ladder::is_at_bound;
+use crate::ladder::{estimates, is_at_bound};
 use crate::limits::SAME;
 use crate::nonlinear::{FULL_STEPS, improve, score_fitted};
 use crate::options::DiscoverOptions;
 use crate::problem::Problem;
-use crate::result::{Estimate, Found};
+use crate::result::Estimate;
 use crate::rivals::Rival;
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
@@ -80,17 +81,19 @@ pub(crate) fn is_far_away(session: &Session<'_>, variant: &Variant<'_>) -> bool 
 }
 
 /// True if the interval of a place in the world reaches beyond the range in which it is sought: the
-/// recordings do not show where it is, and a law of another form may be what acts.
-pub(crate) fn has_unknown_place(session: &Session<'_>, variant: &Variant<'_>, found: &Found) -> bool {
+/// recordings do not show where it is, and a law of another form may be what acts. `nonlinear` are
+/// the estimates of the effect's nonlinear unknowns.
+pub(crate) fn has_unknown_place(session: &Session<'_>, variant: &Variant<'_>, nonlinear: &[Estimate]) -> bool {
     let bounds = variant.effect.nonlinear(session.scene, variant.target);
     let beyond =
         |b: &NonlinearParameter, e: &Estimate| e.ci95.is_none_or(|[low, high]| low < b.lower || high > b.upper);
     let place = |b: &NonlinearParameter| matches!(b.kind, ParameterKind::PointInWorld(_));
-    bounds.iter().zip(&found.nonlinear).any(|(b, e)| place(b) && beyond(b, e))
+    bounds.iter().zip(nonlinear).any(|(b, e)| place(b) && beyond(b, e))
 }
 
-/// True if `rival` becomes `simple` in its limit, and within the nearer half of its range it is
-/// worse by more than chance and repeating errors explain.
+/// True if `rival` becomes `simple` in its limit, and the recordings do not show its place, or
+/// within the nearer half of its range it is worse by more than chance and repeating errors
+/// explain.
 pub(crate) fn is_only_a_limit(
     session: &Session<'_>,
     problem: &Problem,
@@ -101,6 +104,9 @@ pub(crate) fn is_only_a_limit(
     let becomes = rival.scored.variant.effect.about().becomes;
     if !becomes.contains(&simple.id()) || rival.scored.variant.unknowns() <= simple.scored.variant.unknowns() {
         return false;
+    }
+    if has_unknown_place(session, &rival.scored.variant, &estimates(session, &rival.scored).1) {
+        return true;
     }
     let Some(near) = fitted_nearer(session, problem, &rival.scored.variant) else { return false };
     let ratio = (simple.error() / near.iter().sum::<f64>()).sqrt();

@@ -49,13 +49,15 @@ pub(crate) fn decimals(half: f64) -> usize {
     if half.is_finite() && half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 }
 }
 
-/// What is said of effects that fit only at the far edge of their range.
+/// What is said of effects that fit only as the limit of a simpler one.
 fn as_limits(limits: &[&str]) -> String {
-    let names = limits.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ");
-    match limits {
+    let names = limits.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>();
+    match &names[..] {
         [] => String::new(),
-        [_] => format!(" ({names} fits only at the far edge of its range)"),
-        _ => format!(" ({names}: each fits only at the far edge of its range)"),
+        [one] => format!(" ({one} would look the same from far away or at high speed)"),
+        [most @ .., last] => {
+            format!(" ({} and {last} would look the same from far away or at high speed)", most.join(", "))
+        }
     }
 }
 

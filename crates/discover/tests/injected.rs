@@ -154,7 +154,7 @@ fn a_limit_of_a_richer_effect_is_named_by_the_simpler_one() {
     let limits: Vec<&str> =
         far.rounds[0].rival_tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.as_str()).collect();
     assert!(!limits.is_empty(), "{:?}", far.rounds[0].rival_tests);
-    assert!(far.words.contains("far edge"), "{}", far.words);
+    assert!(far.words.contains("from far away"), "{}", far.words);
     let pulley: &[(&str, f64)] = &[("pulley_x", 1.0), ("pulley_y", -0.6), ("pulley_z", 2.4)];
     let near = lab.find(&[("crane[link0]", &[0.2], pulley)], &options);
     assert!(near.effects.iter().any(|e| e == "crane"), "{}", near.words);
