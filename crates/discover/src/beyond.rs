@@ -28,11 +28,13 @@ const IN_CONTACT: f64 = 0.9;
 /// Searches for laws beyond the catalogue where flights leave an error above the interval of its
 /// floor, where the catalogue needs effects of several kinds, or where the strength of a named
 /// effect does not follow its law, and lets laws that convince replace what the catalogue names.
+/// `in_doubt` are effects that are not named because their size may be zero: a law has to do better.
 pub(crate) fn look_beyond(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],
     effects: &[&dyn Effect],
     kept: &[Variant<'_>],
+    in_doubt: &[Variant<'_>],
     refuted: bool,
     left: &[Option<HeldOutResult>; 2],
     out: &mut Discovery,
@@ -84,13 +86,13 @@ pub(crate) fn look_beyond(
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
     let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
     let errors = |p: Problem| p.folds.iter().map(|f| f.error).collect();
-    let in_doubt = out.misfit.is_some() || far_away;
-    let doubted = with_effects.filter(|_| in_doubt).map(errors);
-    let within_floor = hides && !in_doubt && !remains && !several_above;
+    let of_another_form = out.misfit.is_some() || far_away;
+    let doubted = with_effects.filter(|_| of_another_form).map(errors);
+    let within_floor = hides && !of_another_form && !remains && !several_above;
     // one effect of which the answer names several is compared as each of them
     let members = match (kept, &out.groups[..]) {
         ([one], [_]) if named => members(session, effects, one, out),
-        _ => Vec::new(),
+        _ => in_doubt.to_vec(),
     };
     let rival = crate::laws::Rivals {
         ratio,

@@ -29,6 +29,8 @@ pub(crate) struct RoundResults<'a> {
     pub kept: Vec<Variant<'a>>,
     /// Effects found in flight that contact contradicts, in words.
     pub contradicted: Option<String>,
+    /// Effects found of which only the size may be zero: not named, and rivals of laws.
+    pub in_doubt: Vec<Variant<'a>>,
     /// Effects that could not be ranked.
     pub left_out: Vec<NotTried>,
     /// Held-out mean square of rows before and after the effects found.
@@ -39,12 +41,14 @@ pub(crate) struct RoundResults<'a> {
 
 impl RoundResults<'_> {
     /// The same with nothing named, and why.
-    pub fn naming_nothing(mut self, why: String) -> Self {
+    pub fn naming_nothing(mut self, why: &Refused) -> Self {
         for round in self.rounds.iter_mut().filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf)) {
             round.superseded = true;
         }
         let before = self.errors[0];
-        Self { found: Vec::new(), kept: Vec::new(), contradicted: Some(why), errors: [before; 2], ..self }
+        let in_doubt = if why.size_may_be_zero { std::mem::take(&mut self.kept) } else { Vec::new() };
+        let contradicted = Some(why.words.clone());
+        Self { found: Vec::new(), kept: Vec::new(), contradicted, in_doubt, errors: [before; 2], ..self }
     }
 }
 
@@ -129,8 +133,8 @@ pub(crate) fn conclude(
     until: &Until,
     options: &DiscoverOptions,
 ) -> Result<Discovery, Unnamed> {
-    let RoundResults { mut rounds, mut found, mut kept, contradicted, left_out, errors: [before, after], has_flights } =
-        made;
+    let RoundResults { mut rounds, mut found, mut kept, contradicted, in_doubt, left_out, errors, has_flights } = made;
+    let [before, after] = errors;
     let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
     let mut steps = Vec::new();
     for (v, f) in kept.iter().zip(&found) {
@@ -229,7 +233,7 @@ pub(crate) fn conclude(
     }
     if asked_for_all && let Some(no) = Refused::without_what_makes_it(&kept, &found) {
         // others of its class are judged without it
-        return Err(if found.len() == 1 && once.len() < 2 { Unnamed::All(no.words) } else { Unnamed::One(no) });
+        return Err(if found.len() == 1 && once.len() < 2 { Unnamed::All(no) } else { Unnamed::One(no) });
     }
     let mut out = Discovery {
         schema: 1,
@@ -293,8 +297,8 @@ pub(crate) fn conclude(
         out.groups.clear();
     }
     if has_flights && !options.closed && options.only.is_empty() {
-        let refuted = contradicted.is_some();
-        look_beyond(session, accepted, effects, &kept, refuted, &left, &mut out, until, options);
+        let refuted = contradicted.is_some() && in_doubt.is_empty();
+        look_beyond(session, accepted, effects, &kept, &in_doubt, refuted, &left, &mut out, until, options);
     }
     // an error within the interval of a floor that is hardly known may hold anything
     let undecided = model_error.filter(|s| out.verdict == Verdict::NothingMissing && s.is_undecided());

@@ -380,14 +380,16 @@ fn without_refused(
     }
     widen_found(session, accepted, &kept, &mut found, options);
     widen_named(session, accepted, effects, &kept, &mut rounds, options);
-    let made = RoundResults { rounds, found, kept, contradicted, left_out, errors: [before, after], has_flights };
+    let errors = [before, after];
+    let in_doubt = Vec::new();
+    let made = RoundResults { rounds, found, kept, contradicted, in_doubt, left_out, errors, has_flights };
     let mut made = one_is_enough(session, effects, accepted, &made, options).unwrap_or(made);
     name_other_links(session, accepted, &made.kept, &mut made.found, options);
     let answer = match conclude(session, effects, accepted, made.clone(), until, options) {
         Err(Unnamed::All(why)) => {
-            let nothing = made.naming_nothing(why.clone());
+            let nothing = made.naming_nothing(&why);
             conclude(session, effects, accepted, nothing, until, options).map(|mut answer| {
-                answer.warnings.push(why);
+                answer.warnings.push(why.words);
                 answer
             })
         }
@@ -397,6 +399,6 @@ fn without_refused(
         Ok(answer) => Ok(Ok(answer)),
         Err(Unnamed::One(refused)) => Ok(Err(refused)),
         // with nothing named there is nothing to refuse
-        Err(Unnamed::All(why)) => Err(DiscoverError::Numeric(why)),
+        Err(Unnamed::All(why)) => Err(DiscoverError::Numeric(why.words)),
     }
 }

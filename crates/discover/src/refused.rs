@@ -17,14 +17,16 @@ pub(crate) struct Refused {
     pub id: String,
     /// Reason, in words.
     pub words: String,
+    /// True if it lowers the error and only its size may be zero: it remains a rival of laws.
+    pub size_may_be_zero: bool,
 }
 
 /// What is not named of the effects that the rounds found.
 pub(crate) enum Unnamed {
     /// One of them: the ranking is made again without it.
     One(Refused),
-    /// All of them, for a reason in words.
-    All(String),
+    /// All of them, as the only one is not.
+    All(Refused),
 }
 
 impl Refused {
@@ -42,6 +44,7 @@ impl Refused {
                 newtons(&without),
                 newtons(&with)
             ),
+            size_may_be_zero: false,
         })
     }
 
@@ -52,7 +55,9 @@ impl Refused {
         kept.iter().zip(found).find_map(|(variant, its)| {
             let (about, of) = (variant.effect.about(), &variant.coefficients);
             let once = || found.iter().filter(|f| f.effect == its.effect).count() == 1;
-            let why = match accompanied(&about, of, &its.coefficients) {
+            let accompanied = accompanied(&about, of, &its.coefficients);
+            let size_may_be_zero = accompanied.is_none();
+            let why = match accompanied {
                 Some([main, others]) => {
                     let (main, others) = (main.join(", "), others.join(", "));
                     format!("its {main} could be zero (95 % intervals); only {others} could not")
@@ -62,7 +67,7 @@ impl Refused {
                     format!("its {main} could be zero (95 % interval)")
                 }
             };
-            Some(Self { id: its.effect.clone(), words: format!("`{}` is not named: {why}", its.key) })
+            Some(Self { id: its.effect.clone(), words: format!("`{}` is not named: {why}", its.key), size_may_be_zero })
         })
     }
 }
