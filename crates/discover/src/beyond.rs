@@ -28,7 +28,8 @@ const IN_CONTACT: f64 = 0.9;
 /// Searches for laws beyond the catalogue where flights leave an error above the interval of its
 /// floor, where the catalogue needs effects of several kinds, or where the strength of a named
 /// effect does not follow its law, and lets laws that convince replace what the catalogue names.
-/// `in_doubt` are effects that are not named because their size may be zero: a law has to do better.
+/// `in_doubt` are effects that are not named because their size may be zero: a law has to do
+/// better.
 pub(crate) fn look_beyond(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],

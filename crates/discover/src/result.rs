@@ -185,8 +185,9 @@ pub struct RivalTest {
     pub if_true: Option<[f64; 2]>,
     /// True if the recordings distinguish the two.
     pub separated: bool,
-    /// True if this effect fits only as the limit of a simpler one that is named: at the far edge of
-    /// its range (a distant anchor, a strong wind), or with a place that the recordings do not show.
+    /// True if this effect fits only as the limit of a simpler one that is named: at the far edge
+    /// of its range (a distant anchor, a strong wind), or with a place that the recordings do not
+    /// show.
     #[serde(default)]
     pub only_as_limit: bool,
 }
