@@ -117,7 +117,7 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
         }
     }
     if !limits.is_empty() {
-        let far = "fits only as the limit of a simpler effect (a distant anchor, a very strong wind)";
+        let far = "not told from a simpler effect (a distant anchor, a very strong wind)";
         let each = if limits.len() > 1 { "each " } else { "" };
         out(labelled("not named: ", &format!("{}: {each}{far}", limits.join(", "))))?;
     }

@@ -29,7 +29,7 @@ pub(crate) struct RoundResults<'a> {
     pub kept: Vec<Variant<'a>>,
     /// Effects found in flight that contact contradicts, in words.
     pub contradicted: Option<String>,
-    /// Effects found of which only the size may be zero: not named, and rivals of laws.
+    /// Effects that are not named because their size may be zero; laws are compared with them.
     pub in_doubt: Vec<Variant<'a>>,
     /// Effects that could not be ranked.
     pub left_out: Vec<NotTried>,

@@ -25,7 +25,7 @@ pub(crate) struct Refused {
 pub(crate) enum Unnamed {
     /// One of them: the ranking is made again without it.
     One(Refused),
-    /// All of them, as the only one is not.
+    /// All of them: there is only one, and it is refused.
     All(Refused),
 }
 
