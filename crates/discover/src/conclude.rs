@@ -4,6 +4,7 @@ use crate::addition::addition;
 use crate::beyond::look_beyond;
 use crate::candidate::Variant;
 use crate::held_out::{HeldOutResult, LACK_OF_FIT};
+use crate::judge::may_be_zero;
 use crate::ladder::extra_columns;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
@@ -231,10 +232,16 @@ pub(crate) fn conclude(
             its.for_each(|c| c.coefficients.clone_from(&only.coefficients));
         }
     }
-    if asked_for_all && let Some(no) = Refused::without_what_makes_it(&kept, &found) {
+    let at_floor = left[usize::from(!has_flights)].is_some_and(|e| e.reached_by(e.held_out_error));
+    if asked_for_all && let Some(no) = Refused::without_what_makes_it(&kept, &found, at_floor) {
         // others of its class are judged without it
         return Err(if found.len() == 1 && once.len() < 2 { Unnamed::All(no) } else { Unnamed::One(no) });
     }
+    let together = kept.iter().zip(&found).filter(|_| at_floor).filter_map(|(variant, f)| {
+        let name = may_be_zero(&variant.effect.about(), &variant.coefficients, &f.coefficients)?;
+        Some(wording::with_its_unknowns(&f.key, &name))
+    });
+    let together: String = together.collect();
     let mut out = Discovery {
         schema: 1,
         verdict,
@@ -327,6 +334,9 @@ pub(crate) fn conclude(
     }
     if let Some(open) = &out.open {
         out.words = wording::with_open(&out, open, far.is_some());
+    }
+    if matches!(out.verdict, Verdict::Supported | Verdict::OneOf) {
+        out.words += &together;
     }
     if let Some(against) = out.against.as_ref().filter(|a| out.verdict == Verdict::Unexplained && a.is_for_the_law()) {
         out.words += &wording::refuted(against);

@@ -205,6 +205,13 @@ pub(crate) fn roughly_determined(d: &Discovery, place: Domain, model_error: &Hel
     )
 }
 
+/// What is said of an effect whose size the recordings tell only together with its other unknowns.
+pub(crate) fn with_its_unknowns(key: &str, coefficient: &str) -> String {
+    format!(
+        "; the recordings determine the {coefficient} of `{key}` only together with its other unknowns: its interval contains zero, and with the effect the error is at its floor"
+    )
+}
+
 /// The result in words; `far` is the domain in which the error is farthest above the noise floor,
 /// if any.
 pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> String {

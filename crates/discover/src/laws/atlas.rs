@@ -3,6 +3,7 @@
 
 use super::evidence::{Evidence, Score};
 use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
+use super::resistance::{Resistance, resistance, without_idle_factors};
 use super::shape::Range;
 use crate::candidate::Variant;
 use crate::problem::Problem;
@@ -283,6 +284,7 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
         .filter(|v| every_variable || v.is_of_point())
         .filter_map(|v| curve_of(&frames, v, &none).map(|(range, weight, nb)| (v, range, weight, nb)))
         .collect();
+    let resists = job.first_point && scene.model.n_links() > MANY_LINKS;
     // a product of a rate and a place shows in neither alone if it is odd in both
     let products: Vec<(Variable, Range, Vec<Vec<f64>>)> = Variable::of(scene)
         .into_iter()
@@ -357,6 +359,14 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
                     }
                 }
             }
+            if action == Action::Force && direction == Direction::AgainstVelocity && resists {
+                for (variable, _, _) in products.iter().filter(|p| !p.0.is_rate()) {
+                    let Some(Resistance { speed, range, weight }) = resistance(&frames, *variable) else { continue };
+                    let second = Some((*variable, range));
+                    let base = Group { variable: Variable::Speed, range: speed, second, ..blank(action, direction) };
+                    add(&unit, &base, direction.choices(), &weight, SPLINES);
+                }
+            }
             if direction == Direction::Link && job.first_point {
                 for (first, second) in Variable::pairs_of(action) {
                     let of = |v: Variable| products.iter().find(|p| p.0 == v);
@@ -395,6 +405,7 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
         let base = Group { variable: Variable::Distance, range, anchor, ..blank(Action::Force, Direction::Towards) };
         add(&unit, &base, &[&[0]], &weight, POWERS);
     }
+    without_idle_factors(&mut out.groups);
     sort(&mut out.groups);
     out
 }

@@ -6,7 +6,8 @@ use super::evidence::Evidence;
 use super::far_point::along_axis;
 use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
 use super::law::{Factor, Law, PointIs};
-use super::shape::{KNOTS, Shape};
+use super::resistance::RESISTANCE;
+use super::shape::{KNOTS, Range, Shape};
 use crate::candidate::{Variant, score};
 use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
@@ -148,6 +149,9 @@ fn law_of(group: &Group, shape: Shape, values: &[f64], free_point: bool) -> (Law
 
 /// Laws for one entry: each shape from its best start.
 fn starts(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: &Group) -> Vec<Start> {
+    if let Some((variable, range)) = group.second.filter(|_| group.is_resistance_of_two()) {
+        return resistances(session, problem, evidence, group, variable, range);
+    }
     if let Some((variable, range)) = group.second {
         let of = |(shape, values): (Shape, &[f64])| {
             let (mut law, mut nonlinear) = law_of(group, Shape::Linear, &[], true);
@@ -169,7 +173,33 @@ fn starts(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: 
             shapes.extend(Shape::of(v.is_signed(), distance, periodic));
         }
     }
-    screened(session, problem, evidence, group, &frames, &shapes)
+    screened(session, problem, evidence, group, &frames, &shapes, None)
+}
+
+/// Laws for a resistance with a free power of the speed that depends on another variable.
+fn resistances(
+    session: &Session<'_>,
+    problem: &Problem,
+    evidence: &Evidence,
+    group: &Group,
+    variable: Variable,
+    range: Range,
+) -> Vec<Start> {
+    let frames = PlaceFrames::new(session, group.carrier, &group.point);
+    let speeds = frames.values(Variable::Speed, &group.anchor);
+    let sizes: Vec<Vec<f64>> = speeds.iter().map(|t| t.iter().map(|v| v.powf(RESISTANCE)).collect()).collect();
+    let of_speed = Factor { variable: Variable::Speed, shape: Shape::EvenPower, range: group.range, fixed: None };
+    let shapes: Vec<Shape> = Shape::of(variable.is_signed(), false, false)
+        .into_iter()
+        .filter(|s| !matches!(s, Shape::Sine | Shape::Wave))
+        .collect();
+    let other = Group { variable, range, second: None, ..group.clone() };
+    let mut out = screened(session, problem, evidence, &other, &frames, &shapes, Some(&sizes));
+    for start in &mut out {
+        start.law.factors.insert(0, of_speed.clone());
+        start.nonlinear.insert(start.law.point_is.unknowns(), RESISTANCE);
+    }
+    out
 }
 
 /// Values of a shape's parameters from which a fit starts, for an entry.
@@ -187,7 +217,8 @@ fn parameters(shape: Shape, group: &Group) -> Vec<Vec<f64>> {
     }
 }
 
-/// Shapes for an entry, each from its best start, best first.
+/// Shapes for an entry, each from its best start, best first. `times` multiplies the strength in
+/// every frame, by series.
 fn screened(
     session: &Session<'_>,
     problem: &Problem,
@@ -195,6 +226,7 @@ fn screened(
     group: &Group,
     frames: &PlaceFrames<'_>,
     shapes: &[Shape],
+    times: Option<&[Vec<f64>]>,
 ) -> Vec<Start> {
     let unit = frames.unit(group.action, group.direction, &group.components, &group.anchor);
     let values = frames.values(group.variable, &group.anchor);
@@ -207,11 +239,13 @@ fn screened(
             let mut buffer = [0.0; KNOTS];
             let weight: Vec<Vec<f64>> = values
                 .iter()
-                .map(|t| {
+                .enumerate()
+                .map(|(series, t)| {
                     let mut w = Vec::with_capacity(t.len() * nb);
-                    for x in t {
+                    for (i, x) in t.iter().enumerate() {
                         shape.values(*x, &p, group.range, &mut buffer[..nb]);
-                        w.extend_from_slice(&buffer[..nb]);
+                        let factor = times.map_or(1.0, |of| of[series][i]);
+                        w.extend(buffer[..nb].iter().map(|b| b * factor));
                     }
                     w
                 })
@@ -283,7 +317,7 @@ fn in_every_variable(session: &Session<'_>, problem: &Problem, evidence: &Eviden
     for variable in Variable::of(session.scene) {
         let Some(range) = frames.range(variable, &group.anchor, ENDS) else { continue };
         let of = Group { variable, range, frequency: None, ..group.clone() };
-        out.extend(screened(session, problem, evidence, &of, &frames, &EVERYWHERE));
+        out.extend(screened(session, problem, evidence, &of, &frames, &EVERYWHERE, None));
     }
     out.sort_by(|a, b| a.ratio.total_cmp(&b.ratio));
     out

@@ -39,6 +39,7 @@ mod near_joint;
 mod next;
 mod off_link;
 mod one_law;
+mod resistance;
 mod result;
 mod search;
 mod shape;

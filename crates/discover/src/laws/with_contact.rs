@@ -5,11 +5,14 @@
 //! flights best are tried with every variable on the rows of both. A law of both replaces the law
 //! of the flights unless the flights contradict it.
 
-use super::atlas::{Group, Line, POWERS, PlaceFrames, SPLINES, Towards, anchors, columns, curve_of, stride, towards};
+use super::atlas::{
+    Group, Line, MANY_LINKS, POWERS, PlaceFrames, SPLINES, Towards, anchors, columns, curve_of, stride, towards,
+};
 use super::evidence::{DRAWS, Evidence};
 use super::fit::{self, Fitted, STEPS, TRIED, places};
 use super::kinematics::{Action, Carrier, Direction, Variable};
 use super::one_law::{OneLaw, one_law};
+use super::resistance::{Resistance, resistance, without_idle_factors};
 use crate::candidate::{Scored, Variant};
 use crate::nonlinear::fitted;
 use crate::options::DiscoverOptions;
@@ -176,7 +179,20 @@ fn with_every_variable(session: &Session<'_>, both: &Problem, evidence: &Evidenc
         let entry = Group { variable, range, frequency: None, ..place.clone() };
         scored(session, both, evidence, &unit, &weight, nb, entry)
     };
-    Variable::of(session.scene).into_iter().filter_map(of).collect()
+    let mut out: Vec<Group> = Variable::of(session.scene).into_iter().filter_map(of).collect();
+    let is_drag = place.action == Action::Force && place.direction == Direction::AgainstVelocity;
+    if is_drag && session.scene.model.n_links() > MANY_LINKS {
+        let of_two = |variable: Variable| {
+            let Resistance { speed, range, weight } = resistance(&frames, variable)?;
+            let second = Some((variable, range));
+            let entry = Group { variable: Variable::Speed, range: speed, second, frequency: None, ..place.clone() };
+            scored(session, both, evidence, &unit, &weight, SPLINES, entry)
+        };
+        let others = Variable::of(session.scene).into_iter().filter(|v| *v != Variable::None && !v.is_rate());
+        out.extend(others.filter_map(of_two));
+        without_idle_factors(&mut out);
+    }
+    out
 }
 
 /// Entries of a force of a place towards points of the room.
