@@ -115,7 +115,7 @@ pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f
     if law.direction == Direction::Towards {
         text.push_str(&format!(" {}", vector(&anchor)));
     }
-    text.push_str(&format!(", {}", strength.join(", times ")));
+    text.push_str(&format!(", {}", strength.join(" and, as a second factor, ")));
     if work.share < 0.02 {
         text.push_str("; it does no work");
     } else if work.taken > 0.98 {

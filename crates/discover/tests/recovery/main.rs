@@ -13,6 +13,7 @@ mod lab;
 #[allow(dead_code, reason = "the table of laboratories needs more of it")]
 #[path = "../labs/lab.rs"]
 mod labs;
+mod law_on_person;
 mod person;
 mod plates;
 
