@@ -255,6 +255,38 @@ pub(crate) fn fitted<'a>(session: &Session<'_>, problem: &Problem, variant: &Var
     score_fitted(session, problem, better)
 }
 
+/// The `most` variants of which the linear fit gains most, best first.
+pub(crate) fn best_starts<'a>(
+    session: &Session<'_>,
+    problem: &Problem,
+    starts: Vec<Variant<'a>>,
+    most: usize,
+) -> Vec<Variant<'a>> {
+    let gain = |v: &Variant<'_>| {
+        let (s, c) = problem.reduce_all(&v.columns(session, problem)?);
+        Some(solve(&s, &c, &v.coefficients).1)
+    };
+    let mut gained: Vec<(f64, Variant<'a>)> = starts.into_par_iter().filter_map(|v| Some((gain(&v)?, v))).collect();
+    gained.sort_by(|a, b| b.0.total_cmp(&a.0));
+    gained.into_iter().take(most).map(|g| g.1).collect()
+}
+
+/// [`fitted`] from the values of the variant and from the `most` best of the effect's own starting
+/// values; the fit with the least held-out error.
+pub(crate) fn fitted_anew<'a>(
+    session: &Session<'_>,
+    problem: &Problem,
+    variant: &Variant<'a>,
+    most: usize,
+) -> Option<Scored<'a>> {
+    let at = |nonlinear| Variant { nonlinear, ..variant.clone() };
+    let own = variant.effect.starts(session.scene, variant.target).into_iter().map(at).collect();
+    let starts = std::iter::once(variant.clone()).chain(best_starts(session, problem, own, most));
+    let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
+    let made = starts.filter_map(|v| fitted(session, problem, &v));
+    made.min_by(|a, b| error(a).total_cmp(&error(b)))
+}
+
 /// Scores a fitted variant, with its nonlinear parameters refitted in every fold.
 pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant: Variant<'a>) -> Option<Scored<'a>> {
     let parameters = variant.effect.nonlinear(session.scene, variant.target);

@@ -5,13 +5,13 @@
 //! leave the same error then, whichever is true, and no ratio of errors separates them. The
 //! recordings still say whether a place or speed that a laboratory has would do: the richer effect
 //! is fitted again within the nearer half of the range. If that is worse by more than chance, what
-//! remains of the richer effect is the simpler one under another name. The same holds if the
-//! recordings do not show the place: its interval reaches beyond the range in which it is sought.
+//! remains of the richer effect is the simpler one under another name. That the recordings do not
+//! show its place is no reason: of a true crane they may show as little.
 
-use crate::candidate::{Scored, Variant, solve};
-use crate::ladder::{estimates, is_at_bound};
+use crate::candidate::{Scored, Variant};
+use crate::ladder::is_at_bound;
 use crate::limits::SAME;
-use crate::nonlinear::{FULL_STEPS, improve, score_fitted};
+use crate::nonlinear::{FULL_STEPS, best_starts, improve, score_fitted};
 use crate::options::DiscoverOptions;
 use crate::problem::Problem;
 use crate::result::Estimate;
@@ -91,9 +91,8 @@ pub(crate) fn has_unknown_place(session: &Session<'_>, variant: &Variant<'_>, no
     bounds.iter().zip(nonlinear).any(|(b, e)| place(b) && beyond(b, e))
 }
 
-/// True if `rival` becomes `simple` in its limit, and the recordings do not show its place, or
-/// within the nearer half of its range it is worse by more than chance and repeating errors
-/// explain.
+/// True if `rival` becomes `simple` in its limit, and within the nearer half of its range it is
+/// worse by more than chance and repeating errors explain.
 pub(crate) fn is_only_a_limit(
     session: &Session<'_>,
     problem: &Problem,
@@ -104,9 +103,6 @@ pub(crate) fn is_only_a_limit(
     let becomes = rival.scored.variant.effect.about().becomes;
     if !becomes.contains(&simple.id()) || rival.scored.variant.unknowns() <= simple.scored.variant.unknowns() {
         return false;
-    }
-    if has_unknown_place(session, &rival.scored.variant, &estimates(session, &rival.scored).1) {
-        return true;
     }
     let Some(near) = fitted_nearer(session, problem, &rival.scored.variant) else { return false };
     let ratio = (simple.error() / near.iter().sum::<f64>()).sqrt();
@@ -132,20 +128,9 @@ fn fitted_nearer(session: &Session<'_>, problem: &Problem, variant: &Variant<'_>
         })
         .collect();
     let at = |p: &[f64]| Variant { effect: &nearer, nonlinear: inside(p), fitted: 0, ..variant.clone() };
-    let gain = |v: &Variant<'_>| {
-        let columns = v.columns(session, problem)?;
-        let (s, c) = problem.reduce_all(&columns);
-        Some(solve(&s, &c, &v.coefficients).1)
-    };
-    let mut own: Vec<(f64, Variant<'_>)> = variant
-        .effect
-        .starts(session.scene, variant.target)
-        .iter()
-        .map(|p| at(p))
-        .filter_map(|v| Some((gain(&v)?, v)))
-        .collect();
-    own.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let starts = std::iter::once(at(&scaled)).chain(own.into_iter().take(STARTS).map(|o| o.1));
+    let own: Vec<Variant<'_>> = variant.effect.starts(session.scene, variant.target).iter().map(|p| at(p)).collect();
+    let own = best_starts(session, problem, own, STARTS);
+    let starts = std::iter::once(at(&scaled)).chain(own);
     let fitted = starts.filter_map(|v| improve(session, problem, &v, FULL_STEPS));
     let (best, _) = fitted.max_by(|a, b| a.1.total_cmp(&b.1))?;
     let scored: Scored<'_> = score_fitted(session, problem, best)?;

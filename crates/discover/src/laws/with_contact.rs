@@ -14,7 +14,7 @@ use super::kinematics::{Action, Carrier, Direction, Variable};
 use super::one_law::{OneLaw, one_law};
 use super::resistance::{Resistance, resistance, without_idle_factors};
 use crate::candidate::{Scored, Variant};
-use crate::nonlinear::fitted;
+use crate::nonlinear::fitted_anew;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::{Part, Until};
@@ -31,6 +31,8 @@ use rayon::prelude::*;
 const PLACES: usize = 24;
 /// Links on which a force towards points of the room is tried.
 const TOWARDS: usize = 3;
+/// Starting values of its own from which a named effect is fitted again.
+const STARTS: usize = 4;
 /// Most flights and contact stretches from which a law is sought.
 const MOST_STRETCHES: usize = 160;
 /// A law of both may leave this much more error in flight than the law of the flights alone.
@@ -143,7 +145,7 @@ pub(super) fn with_contact(
 }
 
 /// The best of the named effects, fitted to the rows of flights and contact from their values in
-/// flight, beside a law that was fitted to them. None if one of the effects acts in flight only.
+/// flight and from the best of their own starting values, beside a law that was fitted to them. None if one of the effects acts in flight only.
 fn against(
     session: &Session<'_>,
     both: &Problem,
@@ -155,7 +157,7 @@ fn against(
         return None;
     }
     let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
-    let made = named.iter().filter_map(|v| fitted(session, both, v));
+    let made = named.iter().filter_map(|v| fitted_anew(session, both, v, STARTS));
     let best = made.min_by(|a, b| error(a).total_cmp(&error(b)))?;
     Some(AgainstLaw {
         effect: best.variant.effect.id().to_owned(),
