@@ -14,7 +14,7 @@ use crate::result::{Alternative, Candidate, Confusion, Estimate, RivalTest, Verd
 use crate::rivals::{Rival, is_alias};
 use crate::session::{Block, Session};
 use crate::statistics::{jackknife_se, sign_flip_p};
-use aloft_effects::{About, Coefficient};
+use aloft_effects::{About, Coefficient, ParameterKind};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -120,6 +120,17 @@ pub(crate) fn may_be_zero(about: &About<'_>, coefficients: &[Coefficient], estim
     let (Some((coefficient, its)), None) = (main.next(), main.next()) else { return None };
     let [low, high] = its.ci95?;
     (low <= 0.0 && high >= 0.0).then(|| coefficient.name.clone())
+}
+
+/// True if what makes an effect is one vector, or several, and the intervals of all its components
+/// contain zero.
+pub(crate) fn no_component_is_seen(about: &About<'_>, coefficients: &[Coefficient], estimates: &[Estimate]) -> bool {
+    let mut main = coefficients.iter().zip(estimates).filter(|(c, _)| !about.is_accompanied_by(&c.name)).peekable();
+    main.peek().is_some()
+        && main.all(|(c, e)| {
+            let of_vector = matches!(c.kind, ParameterKind::VectorInWorld(_) | ParameterKind::VectorOnLink(_));
+            of_vector && e.ci95.is_some_and(|[low, high]| low <= 0.0 && high >= 0.0)
+        })
 }
 
 /// Effect size at which the held-out ratio falls below the threshold in four of five sessions.
@@ -391,6 +402,20 @@ mod tests {
         assert!(of(&["hanging"], &["mass", "hanging"], &[estimate(0.0, None), seen()]).is_some());
         // areas of several links all make the drag
         assert!(of(&[], &["area_link0", "area_link1"], &[zero(), seen()]).is_none());
+    }
+
+    #[test]
+    fn a_vector_of_which_no_component_is_seen_is_told() {
+        let force = Coefficient::vector_in_world("force", "N", 1e3);
+        let of = |values: [f64; 3]| {
+            let estimates = values.map(|v| estimate(v, Some(1.0)));
+            no_component_is_seen(&About::PLAIN, &force, &estimates)
+        };
+        assert!(of([0.5, -0.2, 0.9]));
+        assert!(!of([0.5, -2.4, 0.9]));
+        let areas = ["a", "b", "c"].map(|n| Coefficient::free(n, "m^2"));
+        let zero = [0.1, 0.1, 0.1].map(|v| estimate(v, Some(1.0)));
+        assert!(!no_component_is_seen(&About::PLAIN, &areas, &zero));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
-use crate::judge::{accompanied, may_be_zero};
+use crate::judge::{accompanied, may_be_zero, no_component_is_seen};
 use crate::result::Found;
 use crate::wording::digits;
 
@@ -48,10 +48,12 @@ impl Refused {
         })
     }
 
+    /// Beside others a force or another vector is refused if no component of it differs from zero.
+    ///
     /// An effect of which only what accompanies it differs from zero ([`accompanied`]) is refused,
     /// and one whose size may be zero ([`may_be_zero`]), unless `found` holds it more than once:
     /// then only their sum may be seen. `at_floor`: the model with the effects leaves no more error
-    /// than a perfect one. A size is not doubted then: an interval of first order contains zero if
+    /// than a perfect one. The size of a single effect is not doubted then: an interval of first order contains zero if
     /// other unknowns make up for the size, as the rest length of a tether does for its stiffness.
     pub fn without_what_makes_it(kept: &[Variant<'_>], found: &[Found], at_floor: bool) -> Option<Self> {
         kept.iter().zip(found).find_map(|(variant, its)| {
@@ -59,13 +61,18 @@ impl Refused {
             let once = || found.iter().filter(|f| f.effect == its.effect).count() == 1;
             let accompanied = accompanied(&about, of, &its.coefficients);
             let size_may_be_zero = accompanied.is_none();
+            let further = found.len() > 1;
             let why = match accompanied {
                 Some([main, others]) => {
                     let (main, others) = (main.join(", "), others.join(", "));
                     format!("its {main} could be zero (95 % intervals); only {others} could not")
                 }
+                None if further && no_component_is_seen(&about, of, &its.coefficients) => {
+                    "each component could be zero (95 % intervals), and other effects explain most".to_owned()
+                }
                 None => {
-                    let main = may_be_zero(&about, of, &its.coefficients).filter(|_| once() && !at_floor)?;
+                    let main =
+                        may_be_zero(&about, of, &its.coefficients).filter(|_| once() && (further || !at_floor))?;
                     format!("its {main} could be zero (95 % interval)")
                 }
             };

@@ -14,7 +14,7 @@ use super::kinematics::{Action, Carrier, Direction, Variable};
 use super::one_law::{OneLaw, one_law};
 use super::resistance::{Resistance, resistance, without_idle_factors};
 use crate::candidate::{Scored, Variant};
-use crate::nonlinear::fitted_anew;
+use crate::nonlinear::{best_starts, fitted_anew};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::{Part, Until};
@@ -23,6 +23,7 @@ use crate::result::AgainstLaw;
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use crate::thin::{FEWEST, with_at_most};
+use aloft_effects::Target;
 use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
@@ -145,7 +146,7 @@ pub(super) fn with_contact(
 }
 
 /// The best of the named effects, fitted to the rows of flights and contact from their values in
-/// flight and from the best of their own starting values, beside a law that was fitted to them. None if one of the effects acts in flight only.
+/// flight and from the best of their own starting values, on their link and on that of the law, beside a law that was fitted to them. None if one of the effects acts in flight only.
 fn against(
     session: &Session<'_>,
     both: &Problem,
@@ -157,7 +158,21 @@ fn against(
         return None;
     }
     let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
-    let made = named.iter().filter_map(|v| fitted_anew(session, both, v, STARTS));
+    // on the law's link, too, from starting values of its own
+    let there = Target::Link(law.law.carrier.link());
+    let moved =
+        |v: &&Variant<'_>| matches!(v.target, Target::Link(_)) && v.target != there && law.law.carrier != Carrier::Body;
+    let on_link = named.iter().filter(moved).filter_map(|v| {
+        let starts = v.effect.starts(session.scene, there);
+        let of = |nonlinear| Variant {
+            fitted: v.fitted,
+            group: v.group.clone(),
+            ..Variant::new(session, v.effect, there, nonlinear)
+        };
+        let best = best_starts(session, both, starts.into_iter().map(of).collect(), 1).pop()?;
+        fitted_anew(session, both, &best, STARTS)
+    });
+    let made = named.iter().filter_map(|v| fitted_anew(session, both, v, STARTS)).chain(on_link);
     let best = made.min_by(|a, b| error(a).total_cmp(&error(b)))?;
     Some(AgainstLaw {
         effect: best.variant.effect.id().to_owned(),
