@@ -145,8 +145,9 @@ pub(super) fn with_contact(
     })
 }
 
-/// The best of the named effects, fitted to the rows of flights and contact from their values in
-/// flight and from the best of their own starting values, on their link and on that of the law, beside a law that was fitted to them. None if one of the effects acts in flight only.
+/// The best of the named effects, beside a law that was fitted to the rows of flights and contact.
+/// It is fitted to them, too, from its values in flight and from the best of its own starting
+/// values, on its link and on that of the law. None if one of the effects acts in flight only.
 fn against(
     session: &Session<'_>,
     both: &Problem,
