@@ -1,5 +1,5 @@
-//! Entries of the atlas for a resistance that grows with the speed and depends on a second variable:
-//! a drag in wind that falls with the height, or on a link that turns its broad side to the flow.
+//! Entries of the atlas for a resistance that grows with the speed and depends on a second
+//! variable: a drag that falls with the height, or on a link that turns its broad side to the flow.
 
 use super::atlas::{ENDS, Group, PlaceFrames, SPLINES, splines};
 use super::kinematics::{Direction, Variable};
