@@ -69,7 +69,7 @@ impl Refused {
                     format!("its {main} could be zero (95 % intervals); only {others} could not")
                 }
                 None if further && no_component_is_seen(&about, of, &its.coefficients) => {
-                    "each component could be zero (95 % intervals), and other effects explain most".to_owned()
+                    "each of its components could be zero (95 % intervals)".to_owned()
                 }
                 None => {
                     let main =
