@@ -137,11 +137,17 @@ pub(crate) fn look_beyond(
         let laws = staged.and_then(|s| s[place]);
         laws.zip(left[place]).is_some_and(|(laws, e)| laws.held_out_error < LESS * e.held_out_error)
     };
-    let on_both = out.against.as_ref().is_some_and(AgainstLaw::is_for_the_law);
-    let leaves_less = less(0) || far_in_contact && less(1);
+    let in_doubt = out.against.as_ref().is_some_and(AgainstLaw::is_against_the_effect);
+    let takes_its_place = out.against.as_ref().is_some_and(AgainstLaw::is_for_the_law)
+        || open.complete && (less(0) || far_in_contact && less(1));
+    // where the effect reaches the floor, too, a law that leaves a little less is not stated either
+    if let Some(model_error) = session.model_error[0].as_ref().filter(|_| within_floor && in_doubt && !takes_its_place)
+    {
+        open.without_laws(model_error);
+    }
     // a law that does better on all rows refutes the effect, even if too much remains to state it
-    let refuted = on_both && open.laws.is_empty();
-    let stands = within_floor && !(on_both || open.complete && leaves_less);
+    let refuted = in_doubt && open.laws.is_empty();
+    let stands = within_floor && !(in_doubt || takes_its_place);
     if (named || far_in_contact) && (constant && !refuted || stands) {
         if named {
             // what the catalogue names stands, unless a law leaves less

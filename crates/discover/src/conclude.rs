@@ -309,10 +309,10 @@ pub(crate) fn conclude(
     }
     // an error within the interval of a floor that is hardly known may hold anything
     let undecided = model_error.filter(|s| out.verdict == Verdict::NothingMissing && s.is_undecided());
-    // nor does one that may be of the parameters or the geometry, which are known only roughly
+    // nor does one beyond that interval show that nothing is missing
     let nothing = out.verdict == Verdict::NothingMissing && undecided.is_none();
-    let rough = (0..2).find_map(|i| Some((places[i], left[i].filter(|after| nothing && after.may_be_parameters())?)));
-    if undecided.is_some() || rough.is_some() {
+    let between = (0..2).find_map(|i| Some((places[i], left[i].filter(|after| nothing && after.is_between())?)));
+    if undecided.is_some() || between.is_some() {
         out.verdict = Verdict::NotDetectable;
     }
     out.words = if let Some(why) = contradicted.filter(|_| lost) {
@@ -329,8 +329,8 @@ pub(crate) fn conclude(
     if let Some(s) = undecided {
         out.words = wording::undecided(&out, &s);
     }
-    if let Some((place, s)) = rough {
-        out.words = wording::roughly_determined(&out, place, &s);
+    if let Some((place, s)) = between {
+        out.words = wording::between(&out, place, &s);
     }
     if let Some(open) = &out.open {
         out.words = wording::with_open(&out, open, far.is_some());
@@ -338,7 +338,9 @@ pub(crate) fn conclude(
     if matches!(out.verdict, Verdict::Supported | Verdict::OneOf) {
         out.words += &together;
     }
-    if let Some(against) = out.against.as_ref().filter(|a| out.verdict == Verdict::Unexplained && a.is_for_the_law()) {
+    if let Some(against) =
+        out.against.as_ref().filter(|a| out.verdict == Verdict::Unexplained && a.is_against_the_effect())
+    {
         out.words += &wording::refuted(against);
     }
     out.advice = wording::advice(&out, effects);

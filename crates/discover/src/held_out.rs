@@ -82,10 +82,12 @@ impl HeldOutResult {
         self.reached_by(self.held_out_error) && self.times_floor() > WORTH_A_SEARCH
     }
 
-    /// True if the error is beyond the floor's interval and 1.5 times the floor, and the errors of
-    /// the parameters may be the reason.
-    pub(crate) fn may_be_parameters(&self) -> bool {
-        Self { by_parameters: None, ..*self }.is_above() && !self.is_above()
+    /// True if the error is beyond the floor's interval and 1.1 times the floor, but not by enough
+    /// that something must be missing ([`is_above`](Self::is_above)): a small effect or the errors
+    /// of the parameters may be the reason.
+    pub(crate) fn is_between(&self) -> bool {
+        let beyond = self.noise_floor_ci95.is_some_and(|ci| self.held_out_error > ci[1]);
+        beyond && self.times_floor() > NEAR_TIMES_FLOOR && !self.is_above()
     }
 
     /// True if the error exceeds 1.5 times the floor, the upper end of the floor's interval, and

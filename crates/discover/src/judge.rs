@@ -8,7 +8,7 @@ use crate::ladder::{is_at_bound, key_of};
 use crate::limits::SAME;
 use crate::only_as_limit::{is_at_far_edge, is_only_a_limit};
 use crate::options::DiscoverOptions;
-use crate::problem::{Domain, Problem};
+use crate::problem::Problem;
 use crate::rank::{EffectScore, cosine};
 use crate::result::{Alternative, Candidate, Confusion, Estimate, RivalTest, Verdict};
 use crate::rivals::{Rival, is_alias};
@@ -227,7 +227,6 @@ pub(crate) fn judge(
     session: &Session<'_>,
     problem: &Problem,
     rivals: &[Rival<'_>],
-    floor: Option<&AtFloor>,
     options: &DiscoverOptions,
 ) -> (Verdict, Vec<String>, Vec<RivalTest>) {
     let believed = || rivals.iter().filter(|r| r.believed);
@@ -254,17 +253,12 @@ pub(crate) fn judge(
     // freedom fits them better whichever is true. The simplest effect that leaves no more than a
     // perfect model would is not excluded.
     let mut spared = None;
-    if let (true, Domain::Flight, Some(floor)) = (session.prior.is_some(), problem.domain, floor) {
-        let at_floor = |r: &&Rival<'_>| {
-            floor.times(r.error() / problem.n_judged as f64) <= 1.0 && !is_at_far_edge(session, &r.scored.variant)
-        };
-        let simplest = believed()
-            .filter(at_floor)
-            .min_by(|a, b| unknowns(a).cmp(&unknowns(b)).then(a.error().total_cmp(&b.error())));
-        if let Some(test) = simplest.and_then(|r| rival_tests.iter_mut().find(|d| d.separated && d.effect == r.id())) {
-            test.separated = false;
-            spared = simplest.map(|r| r.index);
-        }
+    let simplest = believed()
+        .filter(|r| r.at_floor && !is_at_far_edge(session, &r.scored.variant))
+        .min_by(|a, b| unknowns(a).cmp(&unknowns(b)).then(a.error().total_cmp(&b.error())));
+    if let Some(test) = simplest.and_then(|r| rival_tests.iter_mut().find(|d| d.separated && d.effect == r.id())) {
+        test.separated = false;
+        spared = simplest.map(|r| r.index);
     }
     let mut class: Vec<&Rival<'_>> =
         rivals.iter().filter(|r| !rival_tests.iter().any(|d| d.separated && d.effect == r.id())).collect();

@@ -136,7 +136,7 @@ pub(crate) fn prune<'a>(
 }
 
 /// Member of a class that is added to the model: the accepted one with the fewest unknowns, unless
-/// another is better beyond chance.
+/// another is better beyond chance and it leaves more than a complete model would.
 pub(crate) fn to_build_on<'s, 'a>(
     rivals: &'s [Rival<'a>],
     names: &[String],
@@ -148,7 +148,7 @@ pub(crate) fn to_build_on<'s, 'a>(
     let best = members.iter().copied().min_by(|a, b| a.error().total_cmp(&b.error()))?;
     let p = sign_flip_p(&best.fold_error, &first.fold_error, 2000, options.seed ^ 0xb111d);
     let clearly = best.error() < 0.98 * 0.98 * first.error() && p < options.significance;
-    Some(if clearly { best } else { first })
+    Some(if clearly && !first.at_floor { best } else { first })
 }
 
 /// Fits all effects found together, if there are several.

@@ -39,6 +39,8 @@ pub(crate) struct Rival<'a> {
     /// False if it narrowly missed the acceptance limit: it may be named together with others, but
     /// cannot rule one out.
     pub believed: bool,
+    /// True if, in flights of a person, it leaves no more than a complete model would.
+    pub at_floor: bool,
     pub scored: Scored<'a>,
     /// Squared error by fold.
     pub fold_error: Vec<f64>,
@@ -88,7 +90,7 @@ pub(crate) fn rivals<'a>(
     let as_ranked = |&index: &usize| {
         let s = &scores[index];
         let believed = candidates[index].believed;
-        Rival { index, believed, scored: s.scored[s.best].clone(), fold_error: s.fold_error.clone() }
+        Rival { index, believed, at_floor: false, scored: s.scored[s.best].clone(), fold_error: s.fold_error.clone() }
     };
     let first = candidates.iter().position(|c| c.believed).filter(|_| session.prior.is_some());
     let sharp = first.and_then(|first| {
@@ -126,6 +128,7 @@ pub(crate) fn rivals<'a>(
             |scored| Rival {
                 index: *index,
                 believed: candidates[*index].believed,
+                at_floor: false,
                 fold_error: scored.fold_error.clone(),
                 scored,
             },

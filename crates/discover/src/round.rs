@@ -191,10 +191,15 @@ pub(crate) fn run_round<'a>(
         .collect();
     confusions(session, problem, &scores, &mut candidates, options);
     let (sharp, mut rivals) = rivals(session, problem, extra, &scores, &candidates, options);
+    if let (true, Domain::Flight, Some(floor)) = (session.prior.is_some(), problem.domain, at_floor) {
+        let n_judged = sharp.as_ref().unwrap_or(problem).n_judged as f64;
+        for rival in &mut rivals {
+            rival.at_floor = floor.times(rival.error() / n_judged) <= 1.0;
+        }
+    }
     let mut said_by_plates: Vec<String> = Vec::new();
     let (mut verdict, mut effects, rival_tests) = loop {
-        let (mut verdict, mut effects, mut tests) =
-            judge(session, sharp.as_ref().unwrap_or(problem), &rivals, at_floor, options);
+        let (mut verdict, mut effects, mut tests) = judge(session, sharp.as_ref().unwrap_or(problem), &rivals, options);
         let at_edge: Vec<String> = tests.iter().filter(|d| d.only_as_limit).map(|d| d.effect.clone()).collect();
         let named = matches!(verdict, Verdict::OneOf | Verdict::Supported) && problem.domain == Domain::Flight;
         let plates = named.then(|| beside.by_plates(session, &rivals, &effects, &at_edge)).flatten();

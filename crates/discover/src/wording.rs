@@ -188,21 +188,28 @@ pub(crate) fn undecided(d: &Discovery, model_error: &HeldOutResult) -> String {
     )
 }
 
-/// The result where no effect convinces, and the errors of the parameters or of the geometry may be
-/// the reason of the error.
-pub(crate) fn roughly_determined(d: &Discovery, place: Domain, model_error: &HeldOutResult) -> String {
+/// The result where no effect convinces, and the error is beyond the interval of its floor by less
+/// than shows that something is missing: the errors of the parameters or of the geometry may be the
+/// reason, or a small effect.
+pub(crate) fn between(d: &Discovery, place: Domain, model_error: &HeldOutResult) -> String {
     let place = domain(place);
     let here = |c: &&Candidate| !c.placebo && c.judged_on == place;
     let best = d.candidates.iter().find(here).map_or(String::new(), |c| {
         format!("; the best candidate, `{}`, leaves {:.1} % of the held-out error", c.key, 100.0 * c.held_out_ratio)
     });
-    format!(
-        "not detectable: these recordings determine the body only roughly, which alone can leave up to {} N in {place} of a held-out recording; \
-         the error there is {} N, {} times the noise floor{best}",
-        digits(model_error.by_parameters.unwrap_or(f64::NAN), 2),
-        digits(model_error.held_out_error, 2),
-        digits(model_error.times_floor(), 2)
-    )
+    let (error, times) = (digits(model_error.held_out_error, 2), digits(model_error.times_floor(), 2));
+    match model_error.by_parameters.filter(|most| model_error.held_out_error <= *most) {
+        Some(most) => format!(
+            "not detectable: these recordings determine the body only roughly, which alone can leave up to {} N in {place} of a held-out recording; \
+             the error there is {error} N, {times} times the noise floor{best}",
+            digits(most, 2)
+        ),
+        None => format!(
+            "not detectable: the held-out error in {place} is {error} N, {times} times the noise floor and more than a complete model would leave in 97.5 % of recordings like these (up to {} N); \
+             a small effect may be missing, but none is seen in the recordings{best}",
+            digits(model_error.noise_floor_ci95.map_or(f64::NAN, |ci| ci[1]), 2)
+        ),
+    }
 }
 
 /// What is said of an effect whose size the recordings tell only together with its other unknowns.
@@ -273,10 +280,12 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> Strin
 /// error is unexplained.
 pub(crate) fn with_open(d: &Discovery, open: &OpenWorld, far: bool) -> String {
     if !open.complete {
+        let in_doubt = d.against.as_ref().is_some_and(AgainstLaw::is_against_the_effect);
         let above = format!(
-            "the held-out error in flight is {:.3} N, {:.1} times the noise floor, and no effect of the catalogue explains it",
+            "the held-out error in flight is {:.3} N, {:.1} times the noise floor, and {}",
             d.held_out_error,
-            d.held_out_error / d.noise_floor
+            d.held_out_error / d.noise_floor,
+            if in_doubt { "no effect is named" } else { "no effect of the catalogue explains it" }
         );
         // a verdict below three times the floor comes from the search
         let lead = if d.verdict == Verdict::Unexplained && !far { above } else { d.words.clone() };

@@ -19,12 +19,20 @@ const BETTER: f64 = 0.85;
 const TRUER: f64 = 0.01;
 /// Share of a named effect's error in flight and contact that a law leaves at most to take its
 /// place.
-const LESS_ON_BOTH: f64 = 0.93;
+const LESS_ON_BOTH: f64 = 0.90;
+/// Share that a law leaves at most to put the name of an effect in doubt.
+const IN_DOUBT: f64 = 0.95;
 
 impl AgainstLaw {
-    /// True if the law leaves clearly less than every named effect, in recording after recording.
+    /// True if the law leaves so much less than every named effect, in recording after recording,
+    /// that it takes their place.
     pub(crate) fn is_for_the_law(&self) -> bool {
         self.error_ratio < LESS_ON_BOTH && self.p_value < TRUER
+    }
+
+    /// True if the law leaves so much less that no effect is named.
+    pub(crate) fn is_against_the_effect(&self) -> bool {
+        self.error_ratio < IN_DOUBT && self.p_value < TRUER
     }
 }
 
