@@ -69,7 +69,10 @@ pub(crate) fn look_beyond(
     let unknown_place = kept.iter().zip(&out.found).any(|(v, f)| has_unknown_place(session, v, &f.nonlinear));
     let may_hide = far_away || unknown_place || above_in_contact || left[0].as_ref().is_some_and(above);
     let hides = far_in_contact || with_effects.is_some() && may_hide;
-    if !(remains || several_above || hides || out.misfit.is_some()) {
+    // a floor that is known roughly can hide a law, too; on people it is often wide
+    let may_hide_in_floor =
+        session.prior.is_some() && !named && left[0].as_ref().is_some_and(HeldOutResult::may_hide_more);
+    if !(remains || several_above || hides || may_hide_in_floor || out.misfit.is_some()) {
         return;
     }
     if until.is_over() {
@@ -160,6 +163,11 @@ pub(crate) fn look_beyond(
     let limit = if session.prior.is_some() { options.belief_kinematics } else { options.belief };
     let acts = refuted
         || open.diagnosis.as_ref().is_some_and(|d| d.held_out_ratio < limit && d.family_wise_p < options.significance);
+    if !remains && !named && open.laws.is_empty() && !acts {
+        // an error at its floor is not described further
+        out.open = None;
+        return;
+    }
     if !open.laws.is_empty() || acts {
         out.verdict = Verdict::Unexplained;
         out.effects.clear();

@@ -232,7 +232,9 @@ pub(crate) fn conclude(
             its.for_each(|c| c.coefficients.clone_from(&only.coefficients));
         }
     }
-    let at_floor = left[usize::from(!has_flights)].is_some_and(|e| e.reached_by(e.held_out_error));
+    // at the floor with them, and not without
+    let reached = |e: HeldOutResult| e.reached_by(e.held_out_error);
+    let at_floor = left[usize::from(!has_flights)].is_some_and(reached) && !model_error.is_some_and(reached);
     if asked_for_all && let Some(no) = Refused::without_what_makes_it(&kept, &found, at_floor) {
         // others of its class are judged without it
         return Err(if found.len() == 1 && once.len() < 2 { Unnamed::All(no) } else { Unnamed::One(no) });

@@ -52,10 +52,10 @@ impl Refused {
     ///
     /// An effect of which only what accompanies it differs from zero ([`accompanied`]) is refused,
     /// and one whose size may be zero ([`may_be_zero`]), unless `found` holds it more than once:
-    /// then only their sum may be seen. `at_floor`: the model with the effects leaves no more error
-    /// than a perfect one. The size of a single effect is not doubted then: an interval of first
-    /// order contains zero if other unknowns make up for the size, as the rest length of a tether
-    /// does for its stiffness.
+    /// then only their sum may be seen. `at_floor`: with the effects the error is at its floor, and
+    /// without them it is not. The size of a single effect is not doubted then: an interval of
+    /// first order contains zero if other unknowns make up for the size, as the rest length of a
+    /// tether does for its stiffness.
     pub fn without_what_makes_it(kept: &[Variant<'_>], found: &[Found], at_floor: bool) -> Option<Self> {
         kept.iter().zip(found).find_map(|(variant, its)| {
             let (about, of) = (variant.effect.about(), &variant.coefficients);

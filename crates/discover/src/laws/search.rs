@@ -210,7 +210,8 @@ impl Searched<'_, '_> {
         also.extend(elsewhere.filter(|c| !also.contains(c)));
         let without: Vec<f64> = problem.folds.iter().map(|f| f.error).collect();
         let p_gain = sign_flip_p(&found.errors, &without, 2000, options.seed ^ 0x1a35);
-        if ratio < believed && p_gain < options.significance {
+        let limit = if of_both { believed.sqrt() } else { believed };
+        if ratio < limit && p_gain < options.significance {
             out.next = rival.filter(|_| number == 0).and_then(|r| next_recording(session, &found, &r));
             session.counter.so_far(&wording::law_so_far(session, &found, ratio, number > 0));
             out.law = Some(Step { fitted: found, ratio, p, also, of_both });

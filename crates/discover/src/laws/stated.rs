@@ -21,7 +21,7 @@ const TRUER: f64 = 0.01;
 /// place.
 const LESS_ON_BOTH: f64 = 0.90;
 /// Share that a law leaves at most to put the name of an effect in doubt.
-const IN_DOUBT: f64 = 0.95;
+const IN_DOUBT: f64 = 0.97;
 
 impl AgainstLaw {
     /// True if the law leaves so much less than every named effect, in recording after recording,

@@ -86,7 +86,7 @@ pub(super) struct OfBoth {
 }
 
 /// The law of flights and contact together with its probability by chance, if it leaves less than
-/// `believed` of the error on the rows of both and on those of flights. `extra` holds the columns
+/// `believed` of the error on the rows of both and less than the root of it on those of flights. `extra` holds the columns
 /// of the model's effects and laws on all rows.
 pub(super) fn with_contact(
     session: &Session<'_>,
@@ -138,8 +138,8 @@ pub(super) fn with_contact(
     let best = judged_in_flight(flights, best)?;
     let left_in_flight = best.error() / plain(flights.problem);
     let worse = flights.law.is_some_and(|l| best.error() > IN_FLIGHT * IN_FLIGHT * l.best.error());
-    let limit = believed * believed;
-    (left < limit && left_in_flight < limit && !worse).then(|| {
+    // squares: flights alone are fewer, and may leave more than both
+    (left < believed * believed && left_in_flight < believed && !worse).then(|| {
         let rival = rival.and_then(|r| judged_in_flight(flights, r));
         OfBoth { law: OneLaw { best, rival, also }, p, against }
     })

@@ -3,7 +3,7 @@
 
 use crate::lab::{Evidence, Known, lab, motions};
 use crate::person::CAPTURE;
-use aloft_discover::{Action, Direction, DiscoverOptions, HeldOutResult, Session, catalogue, discover};
+use aloft_discover::{Action, Direction, DiscoverOptions, HeldOutResult, Session, Verdict, catalogue, discover};
 use aloft_effects::{EffectInstance, FormulaEffect, Target};
 use aloft_regressor::StretchKind;
 use serde_json::json;
@@ -41,12 +41,22 @@ fn a_drag_by_the_inclination_of_its_link_is_found_on_a_person() {
             noise_floor_ci95: Some([0.88 * floor, 1.12 * floor]),
             by_parameters: None,
         };
-        let d = discover(&session.with_model_error(Some(standing), None), &catalogue(), &[], &options).unwrap();
+        let known = session.clone().with_model_error(Some(standing), None);
+        let d = discover(&known, &catalogue(), &[], &options).unwrap();
         println!("{}", d.words);
         let law = &d.open.as_ref().unwrap().laws[0];
         let links = [&law.carrier].into_iter().chain(&law.also);
         assert!(links.clone().any(|l| l == "forearm_r"), "{law:?}");
         assert_eq!((law.action, law.direction), (Action::Force, Direction::AgainstVelocity));
         assert_eq!(law.variables, ["speed", "tilt_y"]);
+        // a floor that is known roughly does not hide it
+        let rough = HeldOutResult {
+            noise_floor: standing.held_out_error / 1.4,
+            noise_floor_ci95: Some([0.6, 1.6].map(|times| times * standing.held_out_error / 1.4)),
+            ..standing
+        };
+        let d = discover(&session.with_model_error(Some(rough), None), &catalogue(), &[], &options).unwrap();
+        assert_eq!(d.verdict, Verdict::Unexplained, "{}", d.words);
+        assert_eq!(d.open.as_ref().unwrap().laws[0].variables, ["speed", "tilt_y"]);
     });
 }
