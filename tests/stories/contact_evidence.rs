@@ -35,19 +35,19 @@ fn what_the_plates_rule_out_leaves_nothing_else_out() {
     assert!((low..high).contains(&13.49) && low > 10.0, "{crane}");
 }
 
-/// Flights cannot tell gravity from a crane. With the crane in the model a gain of the plates
-/// seemed to be missing in contact, too; gravity alone explains both.
+/// Flights cannot tell gravity from a crane, which has seven unknowns and follows the errors that
+/// repeat in every jump. With the crane in the model a gain of the plates seemed to be missing in
+/// contact, too; gravity alone brings both to their floors.
 #[test]
-fn one_effect_that_explains_both_is_preferred_to_two() {
+fn the_simplest_effect_that_explains_both_is_described() {
     let found = discovered("human_gravity", &["--closed"]);
     assert_eq!(found["groups"].as_array().unwrap().len(), 1, "{}", found["words"]);
     assert_eq!(names(&found["effects"])[0], "gravity_scale", "{}", found["words"]);
-    let excess = found["found"][0]["coefficients"][0]["ci95"].as_array().unwrap();
+    assert!(names(&found["effects"]).contains(&"crane"), "{}", found["words"]);
+    let [only] = &found["found"].as_array().unwrap()[..] else { panic!("{}", found["words"]) };
+    let excess = only["coefficients"][0]["ci95"].as_array().unwrap();
     let [low, high] = [0, 1].map(|i| excess[i].as_f64().unwrap());
     assert!((low..high).contains(&0.025_618) && high - low < 0.004, "{low} to {high}");
-    let rounds = found["rounds"].as_array().unwrap();
-    assert!(rounds[0]["words"].as_str().unwrap().contains("alone predicts flights and contact"), "{rounds:?}");
-    assert!(rounds[1]["words"].as_str().unwrap().starts_with("not needed beside `gravity_scale`"), "{rounds:?}");
 }
 
 /// A force that flights show always and contact does not is not a constant force.
