@@ -339,6 +339,9 @@ pub(crate) fn conclude(
     }
     if matches!(out.verdict, Verdict::Supported | Verdict::OneOf) {
         out.words += &together;
+        if let Some(against) = out.against.as_ref().filter(|a| a.is_worth_telling()) {
+            out.words += &wording::of_another_law(against);
+        }
     }
     if let Some(against) =
         out.against.as_ref().filter(|a| out.verdict == Verdict::Unexplained && a.is_against_the_effect())

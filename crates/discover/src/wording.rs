@@ -302,6 +302,16 @@ pub(crate) fn with_open(d: &Discovery, open: &OpenWorld, far: bool) -> String {
     )
 }
 
+/// What is said of a named effect if a law does a little better.
+pub(crate) fn of_another_law(a: &AgainstLaw) -> String {
+    format!(
+        "; on flights and contact together a law beyond the catalogue leaves {:.2} times the error of `{}` (p = {}): the force may follow another law",
+        a.error_ratio,
+        a.effect,
+        digits(a.p_value, 1)
+    )
+}
+
 /// Why an effect is not named although it lowers the error.
 pub(crate) fn refuted(a: &AgainstLaw) -> String {
     format!(

@@ -21,7 +21,9 @@ const TRUER: f64 = 0.01;
 /// place.
 const LESS_ON_BOTH: f64 = 0.90;
 /// Share that a law leaves at most to put the name of an effect in doubt.
-const IN_DOUBT: f64 = 0.97;
+const IN_DOUBT: f64 = 0.95;
+/// Share that a law leaves at most to be told beside a named effect.
+const WORTH_TELLING: f64 = 0.98;
 
 impl AgainstLaw {
     /// True if the law leaves so much less than every named effect, in recording after recording,
@@ -33,6 +35,12 @@ impl AgainstLaw {
     /// True if the law leaves so much less that no effect is named.
     pub(crate) fn is_against_the_effect(&self) -> bool {
         self.error_ratio < IN_DOUBT && self.p_value < TRUER
+    }
+
+    /// True if the law leaves a little less in recording after recording: the effect is named, and
+    /// its law may be another one.
+    pub(crate) fn is_worth_telling(&self) -> bool {
+        self.error_ratio < WORTH_TELLING && self.p_value < TRUER
     }
 }
 
@@ -117,4 +125,22 @@ pub(super) fn stated(
     let better = any_better && !worse_on_both;
     let complete = within_floor && !laws.is_empty() && better;
     Stated { named: complete || (better && ratio < PART), complete }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_law_takes_the_place_of_an_effect_only_if_it_leaves_clearly_less() {
+        let said = |error_ratio, p_value| {
+            let a = AgainstLaw { effect: "tether".to_owned(), error_ratio, p_value };
+            [a.is_for_the_law(), a.is_against_the_effect(), a.is_worth_telling()]
+        };
+        assert_eq!(said(0.89, 0.001), [true, true, true]);
+        assert_eq!(said(0.93, 0.001), [false, true, true]);
+        assert_eq!(said(0.96, 0.001), [false, false, true]);
+        assert_eq!(said(0.99, 0.001), [false; 3]);
+        assert_eq!(said(0.89, 0.02), [false; 3]);
+    }
 }
