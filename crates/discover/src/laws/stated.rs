@@ -134,7 +134,7 @@ mod tests {
     #[test]
     fn a_law_takes_the_place_of_an_effect_only_if_it_leaves_clearly_less() {
         let said = |error_ratio, p_value| {
-            let a = AgainstLaw { effect: "tether".to_owned(), error_ratio, p_value };
+            let a = AgainstLaw { effect: "effect".to_owned(), error_ratio, p_value };
             [a.is_for_the_law(), a.is_against_the_effect(), a.is_worth_telling()]
         };
         assert_eq!(said(0.89, 0.001), [true, true, true]);

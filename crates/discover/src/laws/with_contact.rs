@@ -86,8 +86,8 @@ pub(super) struct OfBoth {
 }
 
 /// The law of flights and contact together with its probability by chance, if it leaves less than
-/// `believed` of the error on the rows of both and less than the root of it on those of flights. `extra` holds the columns
-/// of the model's effects and laws on all rows.
+/// `believed` of the error on the rows of both, and less than the root of `believed` on those of
+/// flights. `extra` holds the columns of the model's effects and laws on all rows.
 pub(super) fn with_contact(
     session: &Session<'_>,
     extra: &[Vec<DMatrix<f64>>],
