@@ -232,7 +232,7 @@ pub(crate) fn conclude(
             its.for_each(|c| c.coefficients.clone_from(&only.coefficients));
         }
     }
-    // at the floor with them, and not without
+    // the effects bring the error to its floor, and without them it is above
     let reached = |e: HeldOutResult| e.reached_by(e.held_out_error);
     let at_floor = left[usize::from(!has_flights)].is_some_and(reached) && !model_error.is_some_and(reached);
     if asked_for_all && let Some(no) = Refused::without_what_makes_it(&kept, &found, at_floor) {

@@ -136,7 +136,7 @@ pub(crate) fn prune<'a>(
 }
 
 /// Member of a class that is added to the model: the accepted one with the fewest unknowns, unless
-/// another is better beyond chance and it leaves more than a complete model would.
+/// another is better beyond chance. On people it stays if it brings the error to the floor.
 pub(crate) fn to_build_on<'s, 'a>(
     rivals: &'s [Rival<'a>],
     names: &[String],

@@ -188,9 +188,9 @@ pub(crate) fn undecided(d: &Discovery, model_error: &HeldOutResult) -> String {
     )
 }
 
-/// The result where no effect convinces, and the error is beyond the interval of its floor by less
-/// than shows that something is missing: the errors of the parameters or of the geometry may be the
-/// reason, or a small effect.
+/// The result where no effect convinces, and the error is above the interval of its floor, but not
+/// far enough to show that something is missing. The errors of the parameters or of the geometry
+/// may be the reason, or a small effect.
 pub(crate) fn between(d: &Discovery, place: Domain, model_error: &HeldOutResult) -> String {
     let place = domain(place);
     let here = |c: &&Candidate| !c.placebo && c.judged_on == place;
@@ -205,8 +205,8 @@ pub(crate) fn between(d: &Discovery, place: Domain, model_error: &HeldOutResult)
             digits(most, 2)
         ),
         None => format!(
-            "not detectable: the held-out error in {place} is {error} N, {times} times the noise floor and more than a complete model would leave in 97.5 % of recordings like these (up to {} N); \
-             a small effect may be missing, but none is seen in the recordings{best}",
+            "not detectable: the held-out error in {place} is {error} N, {times} times the noise floor; a complete model would leave more than {} N in only 2.5 % of sessions like this one; \
+             a small effect may be missing, but the recordings do not show which{best}",
             digits(model_error.noise_floor_ci95.map_or(f64::NAN, |ci| ci[1]), 2)
         ),
     }

@@ -20,9 +20,9 @@ const TRUER: f64 = 0.01;
 /// Share of a named effect's error in flight and contact that a law leaves at most to take its
 /// place.
 const LESS_ON_BOTH: f64 = 0.90;
-/// Share that a law leaves at most to put the name of an effect in doubt.
+/// Share below which a law puts the name of an effect in doubt.
 const IN_DOUBT: f64 = 0.95;
-/// Share that a law leaves at most to be told beside a named effect.
+/// Share below which a law is mentioned beside a named effect.
 const WORTH_TELLING: f64 = 0.98;
 
 impl AgainstLaw {

@@ -138,7 +138,7 @@ pub(super) fn with_contact(
     let best = judged_in_flight(flights, best)?;
     let left_in_flight = best.error() / plain(flights.problem);
     let worse = flights.law.is_some_and(|l| best.error() > IN_FLIGHT * IN_FLIGHT * l.best.error());
-    // squares: flights alone are fewer, and may leave more than both
+    // squared errors; flights alone are fewer, so a larger share may remain there
     (left < believed * believed && left_in_flight < believed && !worse).then(|| {
         let rival = rival.and_then(|r| judged_in_flight(flights, r));
         OfBoth { law: OneLaw { best, rival, also }, p, against }
