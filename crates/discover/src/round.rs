@@ -22,9 +22,9 @@ use rayon::prelude::*;
 /// error.
 const NEAR_FLOOR: f64 = 2.0;
 const STRONG: f64 = 0.70;
-/// Largest share of the error that an effect of a later round may leave; one that gains less would
-/// be dropped again beside the others.
-const SMALLEST_SECOND: f64 = 0.97;
+/// Largest share of the error that an effect on a rigid body may leave, however many flights there
+/// are; one that gains less would be dropped again beside others.
+const SMALLEST: f64 = 0.97;
 
 /// True if the options ask for an effect.
 pub(crate) fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {
@@ -129,11 +129,13 @@ pub(crate) fn run_round<'a>(
     let near_floor = session.prior.is_some()
         && problem.domain == Domain::Flight
         && at_floor.is_some_and(|f| f.times(plain) < NEAR_FLOOR);
-    // The errors of a rigid body do not repeat, so that a small second effect beside those found is
-    // accepted if it gains twice as much as one in a hundred would by chance.
-    let second = !first_round && session.prior.is_none() && problem.domain == Domain::Flight;
-    let sharper = if second && clusters >= MANY_CLUSTERS && null_quantiles[0].is_finite() {
-        null_quantiles[0].powi(2).min(SMALLEST_SECOND)
+    // The errors of a rigid body do not repeat, so that a small effect is accepted if it gains twice
+    // as much as one in a hundred would by chance: the more flights, the smaller the effect. As the
+    // first one it has to explain all: what leaves most of a large error is not what is missing.
+    let rigid = session.prior.is_none() && problem.domain == Domain::Flight;
+    let small_is_all = !first_round || at_floor.is_none_or(|f| f.reached_by(plain * SMALLEST.powi(2)));
+    let sharper = if rigid && small_is_all && clusters >= MANY_CLUSTERS && null_quantiles[0].is_finite() {
+        null_quantiles[0].powi(2).min(SMALLEST)
     } else {
         0.0
     };

@@ -147,6 +147,22 @@ fn effects_are_named_with_their_size() {
 
 /// A rope to a distant pulley does the same as a constant force. With places in a room excluded,
 /// only the force is named, and the answer says what was left out; a pulley nearby stays a crane.
+/// A drag that leaves more than nine tenths of the error: enough on many flights of a rigid body,
+/// and not on few.
+#[test]
+fn more_flights_name_a_smaller_effect() {
+    let lab = lab();
+    let small: Hidden = ("quadratic_drag", &[0.0017], &[]);
+    let options = DiscoverOptions { rounds: 1, ..Default::default() };
+    let d = lab.find(&[small], &options);
+    let (c, clusters) = (&d.candidates[0], d.rounds[0].clusters);
+    assert!(clusters == 12 && (0.90..0.97).contains(&c.held_out_ratio), "{clusters}: {}", c.held_out_ratio);
+    assert!(d.effects.first().is_some_and(|e| e == "quadratic_drag") && c.believed, "{}", d.words);
+    let few = Lab { stretches: lab.stretches.iter().take(8).cloned().collect(), ..lab };
+    let d = few.find(&[small], &options);
+    assert!(d.effects.is_empty() && d.rounds[0].clusters == 8, "{}", d.words);
+}
+
 #[test]
 fn a_limit_of_a_richer_effect_is_named_by_the_simpler_one() {
     let lab = lab();
