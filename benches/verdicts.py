@@ -263,12 +263,11 @@ def judge(line):
         return "unexplained"
     if not named:
         return "missed"
-    hidden = set().union(*line["truth"])
-    if line["kind"] == "load":
-        hidden |= HEAVIER
+    truth = [set(right) | (HEAVIER if line["kind"] == "load" else set()) for right in line["truth"]]
+    hidden = set().union(*truth)
     if not all(members & hidden for members in classes):
         return "wrong"
-    if not all(named & set(right) for right in line["truth"]):
+    if not all(named & right for right in truth):
         return "partial"
     if not named - hidden:
         return "right"
