@@ -163,7 +163,10 @@ pub(crate) fn look_beyond(
     let limit = if session.prior.is_some() { options.belief_kinematics } else { options.belief };
     let acts = refuted
         || open.diagnosis.as_ref().is_some_and(|d| d.held_out_ratio < limit && d.family_wise_p < options.significance);
-    if !remains && !named && open.laws.is_empty() && !acts {
+    // within the interval of the floor a place and a direction are no evidence that something acts:
+    // errors that repeat have them, too
+    let only_within_floor = may_hide_in_floor && !(several_above || hides);
+    if !remains && !named && open.laws.is_empty() && (only_within_floor || !acts) {
         // an error at its floor is not described further
         out.open = None;
         return;
