@@ -129,9 +129,10 @@ pub(crate) fn run_round<'a>(
     let near_floor = session.prior.is_some()
         && problem.domain == Domain::Flight
         && at_floor.is_some_and(|f| f.times(plain) < NEAR_FLOOR);
-    // The errors of a rigid body do not repeat. A small effect is accepted there if it gains twice as
-    // much as one in a hundred would by chance: the more flights, the smaller the effect. The first
-    // one has to bring the error to its floor: a share of a large error is not what is missing.
+    // The errors of a rigid body do not repeat. A small effect is accepted there if it gains
+    // twice as much as one in a hundred would by chance: the more flights, the smaller the
+    // effect. The first one has to bring the error to its floor: a share of a large error is not
+    // what is missing.
     let rigid = session.prior.is_none() && problem.domain == Domain::Flight;
     let small_is_all = !first_round || at_floor.is_none_or(|f| f.reached_by(plain * SMALLEST.powi(2)));
     let sharper = if rigid && small_is_all && clusters >= MANY_CLUSTERS && null_quantiles[0].is_finite() {
