@@ -17,7 +17,6 @@ scatter of the true error, and floor / mean true error of each body. Results are
   python3 benches/floor.py --score OUT
 """
 
-import argparse
 import json
 import math
 import os
@@ -27,7 +26,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from laboratory import ROOT, Laboratories, call, interval, prepare
+from laboratory import ROOT, Laboratories, arguments, call, interval, prepare
 
 
 def body_of(kind, rng):
@@ -142,17 +141,11 @@ def summary(rows, judged):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--aloft", default=str(ROOT / "target/release/aloft"))
+    parser = arguments(__doc__, body="human")
     parser.add_argument("--example", default=str(ROOT / "target/release/examples/true_error"))
-    parser.add_argument("--body", choices=["chain", "human"], default="human")
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--skins", type=int, default=1)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--keep", action="store_true", help="keep recordings and results")
-    parser.add_argument("--out")
-    parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
     args = parser.parse_args()
     if args.score:
         return score(args.score)

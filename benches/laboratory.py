@@ -1,5 +1,6 @@
 """What the benchmarks of answers share: laboratories through the whole program, strength, shares."""
 
+import argparse
 import hashlib
 import json
 import math
@@ -31,6 +32,18 @@ def read_lines(path):
         except json.JSONDecodeError:
             print(f"{path}: a line cut off is left out", file=sys.stderr)
     return out
+
+
+def arguments(doc, body="chain"):
+    """A parser with what the benchmarks that score answers have in common: program, body, seed, jobs and folders."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--aloft", default=str(ROOT / "target/release/aloft"))
+    parser.add_argument("--body", choices=["chain", "human"], default=body)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--out")
+    parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
+    return parser
 
 
 def call(aloft, *args):

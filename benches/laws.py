@@ -28,7 +28,6 @@ not exclude others, those (`also`); a link is right if it is among at most three
   missed       nothing missing, or not detectable
 """
 
-import argparse
 import hashlib
 import json
 import os
@@ -39,7 +38,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import law_population
-from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, following, interval, read_lines, session
+from laboratory import TOLERANCE, Laboratories, arguments, empty_session, following, interval, read_lines, session
 
 FORMULA_WITHIN = 1.3
 MOST_LINKS = 3
@@ -242,19 +241,13 @@ def score(folders):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--aloft", default=str(ROOT / "target/release/aloft"))
-    parser.add_argument("--body", choices=["chain", "human"], default="chain")
+    parser = arguments(__doc__)
     parser.add_argument("--laws", type=int, default=30)
     parser.add_argument("--strengths", default="2,4,8")
     parser.add_argument("--empty", type=int, default=50)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--out")
     parser.add_argument("--keep", metavar="FOLDER", help="keep the recordings and workspace of each set in this folder")
     parser.add_argument("--follow", action="store_true", help="also run the `effect add` that is proposed, and keep the error after it")
     parser.add_argument("--from", dest="origin", help="take laws and their scales from this folder")
-    parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
     parser.add_argument("--list", action="store_true", help="only print the laws drawn")
     args = parser.parse_args()
     if args.score:

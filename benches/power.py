@@ -13,7 +13,6 @@ Outcomes are those of `verdicts.py`; `none` is *nothing missing*, *not detectabl
 in OUT (`sizes.jsonl`, `sets.jsonl`); a run that was interrupted continues.
 """
 
-import argparse
 import json
 import os
 import random
@@ -21,7 +20,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from laboratory import ROOT, Laboratories, interval, read_lines, session
+from laboratory import Laboratories, arguments, interval, read_lines, session
 from verdicts import chain_effect, human_effect, judge
 
 REFERENCE = 50
@@ -127,16 +126,10 @@ def score(folders):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--aloft", default=str(ROOT / "target/release/aloft"))
-    parser.add_argument("--body", choices=["chain", "human"], default="chain")
+    parser = arguments(__doc__)
     parser.add_argument("--flights", default="6,12,25,50,100,200")
     parser.add_argument("--sets", type=int, default=10)
     parser.add_argument("--empty", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--out")
-    parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
     args = parser.parse_args()
     if args.score:
         return score(args.score)

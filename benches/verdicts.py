@@ -28,7 +28,6 @@ Of empty sets "nothing missing" and "not detectable" are right. Results are line
   python3 benches/verdicts.py --score OUT [OUT ...]
 """
 
-import argparse
 import json
 import math
 import os
@@ -38,7 +37,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from laboratory import ROOT, TOLERANCE, Laboratories, empty_session, following, interval, read_lines, session
+from laboratory import TOLERANCE, Laboratories, arguments, empty_session, following, interval, read_lines, session
 
 OUTCOMES = ["right", "class", "wide class", "partial", "unexplained", "missed", "wrong"]
 ON_PLATES = {"plate_time_offset", "plate_gain", "body_mass"}
@@ -357,19 +356,13 @@ def intervals(lines):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--aloft", default=str(ROOT / "target/release/aloft"))
-    parser.add_argument("--body", choices=["chain", "human"], default="chain")
+    parser = arguments(__doc__)
     parser.add_argument("--sets", type=int, default=50)
     parser.add_argument("--strengths", default="1.5,2,4")
     parser.add_argument("--empty", type=int, default=10)
     parser.add_argument("--case", choices=["one", "part", "two", "two of a kind"], help="only laboratories of this case")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--out")
     parser.add_argument("--keep", metavar="FOLDER", help="keep the recordings and workspace of each set in this folder")
     parser.add_argument("--follow", action="store_true", help="also run the `effect add` that is proposed, and keep the error after it")
-    parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
     args = parser.parse_args()
     if args.score:
         return score(args.score)
