@@ -10,7 +10,7 @@ use crate::only_as_limit::{is_at_far_edge, is_only_a_limit};
 use crate::options::DiscoverOptions;
 use crate::problem::Problem;
 use crate::rank::{EffectScore, cosine};
-use crate::result::{Alternative, Candidate, Confusion, Estimate, RivalTest, Verdict};
+use crate::result::{Alternative, Candidate, Confusion, Estimate, MANY_CLUSTERS, RivalTest, Verdict};
 use crate::rivals::{Rival, is_alias};
 use crate::session::{Block, Session};
 use crate::statistics::{jackknife_se, sign_flip_p};
@@ -262,9 +262,18 @@ pub(crate) fn judge(
     }
     let mut class: Vec<&Rival<'_>> =
         rivals.iter().filter(|r| !rival_tests.iter().any(|d| d.separated && d.effect == r.id())).collect();
-    // an effect that contains another one counts only if it does better
-    let ids: Vec<String> = class.iter().filter(|r| r.believed).map(|r| r.id().to_owned()).collect();
-    class.retain(|r| !r.scored.variant.effect.about().contains.iter().any(|c| ids.iter().any(|i| i == c)));
+    // an effect that contains another one counts only if it does better; errors of a rigid body do
+    // not repeat, so that its further unknowns gain nothing there by themselves
+    let rigid = session.prior.is_none();
+    let does_better = |r: &Rival<'_>, than: &Rival<'_>| {
+        let p = || sign_flip_p(&r.fold_error, &than.fold_error, 2000, options.seed ^ 0x9e4a);
+        rigid && (r.error() / than.error()).sqrt() < SAME[0] && p() < options.significance
+    };
+    let members: Vec<&Rival<'_>> = class.iter().copied().filter(|r| r.believed).collect();
+    class.retain(|r| {
+        let contains = r.scored.variant.effect.about().contains;
+        members.iter().filter(|m| contains.contains(&m.id())).all(|m| does_better(r, m))
+    });
     // a richer effect whose advantage over a simpler one is smaller than it would be if it were
     // true
     let falls_short = |x: &Rival<'_>, y: &Rival<'_>| {
@@ -272,8 +281,11 @@ pub(crate) fn judge(
             |truth: &Rival<'_>| exchange(session, problem, &x.scored, &y.scored, &truth.scored, options.seed ^ 0x5407);
         made(x).is_some_and(|m| m.missed_by((y.error() / x.error()).ln(), || made(y)))
     };
+    // a few flights of a rigid body say too little about what a true effect would gain
+    let few = rigid && problem.clusters.len() < MANY_CLUSTERS;
     let short: Vec<usize> = class
         .iter()
+        .filter(|_| !few)
         .filter(|x| {
             let simpler = |y: &&Rival<'_>| y.believed && Some(y.index) != spared && unknowns(x) > unknowns(y);
             class.iter().copied().filter(simpler).any(|y| falls_short(x, y))

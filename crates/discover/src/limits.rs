@@ -8,6 +8,10 @@ use aloft_effects::{Effect, Family};
 /// repeats.
 pub(crate) const SAME: [f64; 2] = [0.98, 0.96];
 
+/// Largest share of the error that an effect on a rigid body may leave, however many flights there
+/// are; one that gains less would be dropped again beside others.
+pub(crate) const SMALLEST: f64 = 0.97;
+
 /// Largest ratio at which an effect can be accepted.
 pub(crate) fn limit(effect: &dyn Effect, first_round: bool, options: &DiscoverOptions) -> f64 {
     match effect.about().family {

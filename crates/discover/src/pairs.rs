@@ -8,7 +8,7 @@
 use crate::candidate::{Scored, Variant, score, solve};
 use crate::judge::is_trivial;
 use crate::ladder::Refit;
-use crate::limits::SAME;
+use crate::limits::{SAME, SMALLEST};
 use crate::nonlinear::fitted;
 use crate::problem::Problem;
 use crate::rank::EffectScore;
@@ -137,6 +137,12 @@ fn best_pair<'e>(search: &Search<'_, 'e>) -> Option<Pair<'e>> {
             (scored, a, b, error)
         })
         .collect();
+    // on a rigid body a second effect that gains less than the smallest one accepted makes no pair
+    let alone = |i: usize| scores[parts[i].0].fold_error.iter().sum::<f64>();
+    let both_gain = |j: &(Scored<'e>, usize, usize, f64)| {
+        session.prior.is_some() || (j.3 / alone(j.1).min(alone(j.2))).sqrt() < SMALLEST
+    };
+    let judged: Vec<(Scored<'e>, usize, usize, f64)> = judged.into_iter().filter(both_gain).collect();
     let own = |error: f64| !is_trivial(session, problem, error / problem.n_judged as f64);
     let least = judged.iter().filter(|j| own(j.3)).map(|j| j.3).fold(f64::INFINITY, f64::min);
     let same = SAME[usize::from(session.prior.is_some())];

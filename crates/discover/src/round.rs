@@ -4,7 +4,7 @@ use crate::judge::{
     AtFloor, alternatives, chosen_shares, confusions, is_trivial, judge, minimum_detectable, parts, plausible,
 };
 use crate::ladder::{Refit, estimates, group_names, key_of, to_build_on};
-use crate::limits::{limit, limit_by_number};
+use crate::limits::{SMALLEST, limit, limit_by_number};
 use crate::options::DiscoverOptions;
 use crate::placebo::PLACEBOS;
 use crate::problem::{Domain, Problem};
@@ -22,9 +22,6 @@ use rayon::prelude::*;
 /// error.
 const NEAR_FLOOR: f64 = 2.0;
 const STRONG: f64 = 0.70;
-/// Largest share of the error that an effect on a rigid body may leave, however many flights there
-/// are; one that gains less would be dropped again beside others.
-const SMALLEST: f64 = 0.97;
 
 /// True if the options ask for an effect.
 pub(crate) fn wanted(effect: &dyn Effect, options: &DiscoverOptions) -> bool {
