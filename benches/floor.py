@@ -19,14 +19,13 @@ scatter of the true error, and floor / mean true error of each body. Results are
 
 import json
 import math
-import os
 import random
 import shutil
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from laboratory import ROOT, Laboratories, arguments, call, interval, prepare
+from laboratory import ROOT, Laboratories, arguments, call, interval, parsed, prepare
 
 
 def body_of(kind, rng):
@@ -146,12 +145,7 @@ def main():
     parser.add_argument("--count", type=int, default=40)
     parser.add_argument("--skins", type=int, default=1)
     parser.add_argument("--keep", action="store_true", help="keep recordings and results")
-    args = parser.parse_args()
-    if args.score:
-        return score(args.score)
-    if not args.out:
-        parser.error("--out is needed")
-    os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // args.jobs)))
+    args = parsed(parser, score)
     bench = Floors(args)
     done = {l["set"] for l in bench.lines("floors.jsonl") if "problem" not in l and l["program"] == bench.digest}
     with ThreadPoolExecutor(args.jobs) as pool:

@@ -4,6 +4,7 @@ import argparse
 import hashlib
 import json
 import math
+import os
 import re
 import shlex
 import shutil
@@ -44,6 +45,18 @@ def arguments(doc, body="chain"):
     parser.add_argument("--out")
     parser.add_argument("--score", nargs="+", metavar="OUT", help="only score these folders")
     return parser
+
+
+def parsed(parser, score):
+    """The arguments of a measurement, with the threads of each job set; with `--score` only scores and ends."""
+    args = parser.parse_args()
+    if args.score:
+        score(args.score)
+        sys.exit()
+    if not args.out:
+        parser.error("--out is needed")
+    os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // args.jobs)))
+    return args
 
 
 def call(aloft, *args):

@@ -30,7 +30,6 @@ not exclude others, those (`also`); a link is right if it is among at most three
 
 import hashlib
 import json
-import os
 import random
 import sys
 import time
@@ -38,7 +37,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import law_population
-from laboratory import TOLERANCE, Laboratories, arguments, empty_session, following, interval, read_lines, session
+from laboratory import TOLERANCE, Laboratories, arguments, empty_session, following, interval, parsed, read_lines, session
 
 FORMULA_WITHIN = 1.3
 MOST_LINKS = 3
@@ -250,16 +249,12 @@ def main():
     parser.add_argument("--from", dest="origin", help="take laws and their scales from this folder")
     parser.add_argument("--list", action="store_true", help="only print the laws drawn")
     args = parser.parse_args()
-    if args.score:
-        return score(args.score)
     if args.list:
         for index in range(args.laws):
             drawn = law_population.draw(args.body, args.seed, index, 0, random)
             print(index, "expressible" if drawn["expressible"] else "-", drawn["family"], json.dumps(drawn["entry"]), json.dumps(drawn["truth"]))
         return None
-    if not args.out:
-        parser.error("--out is needed")
-    os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // args.jobs)))
+    args = parsed(parser, score)
     bench = Bench(args)
     strengths = [int(s) if float(s).is_integer() else float(s) for s in args.strengths.split(",")]
     population = hashlib.sha256(Path(law_population.__file__).read_bytes()).hexdigest()[:12]

@@ -14,13 +14,12 @@ in OUT (`sizes.jsonl`, `sets.jsonl`); a run that was interrupted continues.
 """
 
 import json
-import os
 import random
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from laboratory import Laboratories, arguments, interval, read_lines, session
+from laboratory import Laboratories, arguments, interval, parsed, read_lines, session
 from verdicts import chain_effect, human_effect, judge
 
 REFERENCE = 50
@@ -130,12 +129,7 @@ def main():
     parser.add_argument("--flights", default="6,12,25,50,100,200")
     parser.add_argument("--sets", type=int, default=10)
     parser.add_argument("--empty", type=int, default=20)
-    args = parser.parse_args()
-    if args.score:
-        return score(args.score)
-    if not args.out:
-        parser.error("--out is needed")
-    os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // args.jobs)))
+    args = parsed(parser, score)
     bench = Bench(args)
     flights = [int(n) for n in args.flights.split(",")]
     known = {line["index"]: line for line in bench.lines("sizes.jsonl")}

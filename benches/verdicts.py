@@ -30,14 +30,13 @@ Of empty sets "nothing missing" and "not detectable" are right. Results are line
 
 import json
 import math
-import os
 import random
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from laboratory import TOLERANCE, Laboratories, arguments, empty_session, following, interval, read_lines, session
+from laboratory import TOLERANCE, Laboratories, arguments, empty_session, following, interval, parsed, read_lines, session
 
 OUTCOMES = ["right", "class", "wide class", "partial", "unexplained", "missed", "wrong"]
 ON_PLATES = {"plate_time_offset", "plate_gain", "body_mass"}
@@ -363,12 +362,7 @@ def main():
     parser.add_argument("--case", choices=["one", "part", "two", "two of a kind"], help="only laboratories of this case")
     parser.add_argument("--keep", metavar="FOLDER", help="keep the recordings and workspace of each set in this folder")
     parser.add_argument("--follow", action="store_true", help="also run the `effect add` that is proposed, and keep the error after it")
-    args = parser.parse_args()
-    if args.score:
-        return score(args.score)
-    if not args.out:
-        parser.error("--out is needed")
-    os.environ.setdefault("RAYON_NUM_THREADS", str(max(1, (os.cpu_count() or 1) // args.jobs)))
+    args = parsed(parser, score)
     bench = Bench(args)
     strengths = [int(s) if float(s).is_integer() else float(s) for s in args.strengths.split(",")]
     stamp = {"body": args.body, "seed": args.seed}
