@@ -5,7 +5,7 @@ use crate::by_stages::Staged;
 use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
-use crate::laws::{Direction, FoundLaw, Line, OpenWorld};
+use crate::laws::{Direction, Doubted, FoundLaw, Line, OpenWorld};
 use crate::only_as_limit::{has_unknown_place, is_far_away};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
@@ -53,8 +53,9 @@ pub(crate) fn look_beyond(
             Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
         })
         .flatten();
+    let noise = left[0].and_then(|s| s.noise_floor_ci95.map(|ci| ci[0] / s.held_out_error)).unwrap_or(0.0);
     out.misfit = with_effects.as_ref().and_then(|problem| {
-        crate::laws::misfit(session, problem, kept, &out.found, options.belief_kinematics, options.seed)
+        crate::laws::misfit(session, problem, kept, &out.found, options.belief_kinematics, noise, options.seed)
     });
     // an anchor at the end of the range, or beyond any wall, is a sign of another law
     let far_away = kept.iter().any(|v| is_far_away(session, v));
@@ -89,9 +90,10 @@ pub(crate) fn look_beyond(
     let ratio = (out.held_out_error_after / out.held_out_error).min(single);
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
     let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
-    let errors = |p: Problem| p.folds.iter().map(|f| f.error).collect();
-    let of_another_form = out.misfit.is_some() || far_away;
-    let doubted = with_effects.filter(|_| of_another_form).map(errors);
+    let by_form = out.misfit.is_some();
+    let of_another_form = by_form || far_away;
+    let doubt = |p: Problem| Doubted { errors: p.folds.iter().map(|f| f.error).collect(), by_form };
+    let doubted = with_effects.filter(|_| of_another_form).map(doubt);
     let within_floor = hides && !of_another_form && !remains && !several_above;
     // one effect of which the answer names several is compared as each of them
     let members = match (kept, &out.groups[..]) {

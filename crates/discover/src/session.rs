@@ -345,6 +345,16 @@ impl<'a> Session<'a> {
         Some(out)
     }
 
+    /// Of each series, in the order of [`series_of`](Self::series_of), whether any of its rows are
+    /// in use.
+    pub(crate) fn series_in_use(&self) -> Vec<bool> {
+        let mut out = vec![false; 2 * self.series.len()];
+        for (i, block) in self.blocks.iter().enumerate() {
+            out[self.series_of(i)] |= block.y.nrows() > 0;
+        }
+        out
+    }
+
     /// Place of a block's series among those of all trials: flights and contact of the first trial,
     /// of the second …
     pub(crate) fn series_of(&self, block: usize) -> usize {

@@ -96,7 +96,7 @@ struct Case {
     variables: &'static [&'static str],
 }
 
-const CASES: [Case; 12] = [
+const CASES: [Case; 14] = [
     Case {
         name: "drag with the power 1.5 of the speed at the end of a link",
         yaml: "id: hidden\npoint: {link: link1, position_m: [-0.2, 0.0, 0.02]}\n\
@@ -218,6 +218,27 @@ const CASES: [Case; 12] = [
         direction: Direction::World,
         variables: &["r_z", "t"],
     },
+    Case {
+        name: "a drag that acts late",
+        yaml: "id: hidden\npoint: {link: link1, position_m: [-0.2, 0.0, 0.02]}\ndelay: late\n\
+               force: ['-c*v_x*speed', '-c*v_y*speed', '-c*v_z*speed']\n\
+               coefficients: [{name: c, unit: kg/m}]\nconstants: [{name: late, unit: s, value: 0.068}]",
+        carriers: &["link1"],
+        action: Action::Force,
+        direction: Direction::AgainstVelocity,
+        variables: &["speed"],
+    },
+    Case {
+        name: "a couple that follows the joint late",
+        yaml: "id: hidden\npoint: {link: link1}\naxes: link\ndelay: late\n\
+               moment: ['c_x*qd_link1', 'c_y*qd_link1', 'c_z*qd_link1']\n\
+               coefficients: [{name: c_x, unit: N*m*s}, {name: c_y, unit: N*m*s}, {name: c_z, unit: N*m*s}]\n\
+               constants: [{name: late, unit: s, value: 0.045}]",
+        carriers: &["link1"],
+        action: Action::Couple,
+        direction: Direction::Link,
+        variables: &["qd_link1"],
+    },
 ];
 
 fn report(name: &str, d: &Discovery) {
@@ -229,7 +250,7 @@ fn report(name: &str, d: &Discovery) {
     }
 }
 
-fn found(case: &Case, strength: f64) {
+fn found(case: &Case, strength: f64) -> FoundLaw {
     let (d, _) = lab(7).find(Some((&formula(case.yaml), strength)));
     report(case.name, &d);
     let open = d.open.as_ref().unwrap();
@@ -243,6 +264,7 @@ fn found(case: &Case, strength: f64) {
     assert!(open.times_floor_after.unwrap() < 1.3, "{}: {:?}", case.name, open.times_floor_after);
     assert_eq!((d.verdict, d.effects.len()), (Verdict::Unexplained, 0));
     formulas_are_those_of_the_law(law);
+    law.clone()
 }
 
 /// The law as a file compiles to an effect with the same unknowns.
@@ -261,7 +283,7 @@ fn formulas_are_those_of_the_law(law: &FoundLaw) {
 }
 
 macro_rules! laws {
-    ($($test:ident: $index:literal,)*) => { $(#[test] fn $test() { found(&CASES[$index], 12.0); })* };
+    ($($test:ident: $index:literal,)*) => { $(#[test] fn $test() { assert_eq!(found(&CASES[$index], 12.0).effect.delay, None); })* };
 }
 
 laws! {
@@ -277,6 +299,21 @@ laws! {
     couple_by_two_spins: 9,
     drag_by_the_clock: 10,
     travelling_wave: 11,
+}
+
+/// A law that acts late is stated with its delay, and none at once has one (above).
+#[test]
+fn delays_of_a_drag_and_of_a_couple() {
+    for (case, expected) in [(&CASES[12], 0.068), (&CASES[13], 0.045)] {
+        let law = found(case, 12.0);
+        assert_eq!(law.effect.delay.as_deref(), Some("delay"), "{}", case.name);
+        let delay = law.parameters.iter().find(|p| p.name == "delay").unwrap();
+        let [low, high] = delay.ci95.unwrap();
+        println!("delay {} {low} {high}", delay.value);
+        assert!((delay.value - expected).abs() < 0.004, "{}: {}", case.name, delay.value);
+        assert!(low - 0.001 < expected && expected < high + 0.001, "{low} to {high}");
+        assert!(law.text.contains("it follows the motion"), "{}", law.text);
+    }
 }
 
 /// The catalogue's answer is told before the search, then what the search knows, with its steps.

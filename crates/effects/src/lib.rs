@@ -67,7 +67,7 @@ pub use formula::{
 pub use instance::{EffectInstance, WrenchColumns, columns, columns_about};
 pub use joint::{JointSeries, SURE_OF_SIGN};
 pub use scene::{AIR_DENSITY_KGPM3, Scene};
-pub use series::{EffectFrame, LinkFrame, PlateFrame, PlateSeries, Series, Span, TrialMotion};
+pub use series::{EffectFrame, LEAD_IN_S, LinkFrame, PlateFrame, PlateSeries, Series, Span, TrialMotion};
 pub use target::Target;
 pub use unknown::{Coefficient, NonlinearParameter, ParameterKind, Values};
 

@@ -151,21 +151,48 @@ pub struct Series<'a> {
     frames: Vec<usize>,
     spans: Vec<(usize, usize, Span)>,
     span_of: Vec<usize>,
-    links: Vec<LinkFrame>,
-    /// For each span: links in the frames before it.
-    lead_in: Vec<Vec<LinkFrame>>,
+    states: States,
+    /// For each span: the frames before it, without a gap.
+    lead_in: Vec<States>,
     plates: Vec<PlateFrame>,
+    session_time_s: f64,
+}
+
+/// Kinematics of the body in some frames.
+#[derive(Debug, Clone, Default)]
+struct States {
+    links: Vec<LinkFrame>,
+    /// Position, velocity and acceleration of the centre of mass.
     coms: Vec<[Vector3<f64>; 3]>,
     q: Vec<f64>,
     v: Vec<f64>,
-    session_time_s: f64,
+}
+
+impl States {
+    fn push(&mut self, scene: &Scene, state: &State, q: &[f64], v: &[f64]) {
+        let first = self.links.len();
+        self.links.extend(link_frames(state));
+        let mut com = [Vector3::zeros(); 3];
+        for ((link, phi), c) in self.links[first..].iter().zip(&scene.phi).zip(&scene.link_com_m) {
+            com[0] += link.point(c) * phi[0];
+            com[1] += link.point_velocity(c) * phi[0];
+            com[2] += link.point_acceleration(c) * phi[0];
+        }
+        self.coms.push(com.map(|x| x / scene.mass_kg));
+        self.q.extend_from_slice(q);
+        self.v.extend_from_slice(v);
+    }
+
+    fn len(&self) -> usize {
+        self.coms.len()
+    }
 }
 
 /// Half windows of the local cubics, s.
 const VELOCITY_REACH_S: f64 = 0.025;
 const ACCELERATION_REACH_S: f64 = 0.05;
-/// Length of the interval before a span that is kept, s.
-const LEAD_IN_S: f64 = 0.4;
+/// Length of the interval before a span that is known, s: the longest delay of a law.
+pub const LEAD_IN_S: f64 = 0.4;
 
 impl<'a> Series<'a> {
     /// Kinematics of all valid frames in the spans of a trial.
@@ -197,27 +224,24 @@ impl<'a> Series<'a> {
             frames: Vec::new(),
             spans: Vec::new(),
             span_of: Vec::new(),
-            links: Vec::new(),
+            states: States::default(),
             lead_in: Vec::new(),
             plates: Vec::new(),
-            coms: Vec::new(),
-            q: Vec::new(),
-            v: Vec::new(),
             session_time_s: trial.session_time_s,
         };
         let mut differentiator = Differentiator::new(model, motion);
         let mut state = State::new(model);
         for span in trial.spans {
             let start = out.frames.len();
-            let mut lead_in = Vec::new();
+            let mut lead_in = States::default();
             let reach = (LEAD_IN_S * motion.rate_hz).round() as usize;
             for frame in span.first_frame.saturating_sub(reach)..span.first_frame.min(motion.n_frames()) {
                 match differentiator.at(frame).filter(|_| motion.is_valid(frame)) {
                     Some((v, a)) => {
                         state.forward_acceleration(model, motion.q(frame), v, a);
-                        lead_in.extend(link_frames(&state));
+                        lead_in.push(scene, &state, motion.q(frame), v);
                     }
-                    None => lead_in.clear(),
+                    None => lead_in = States::default(),
                 }
             }
             out.lead_in.push(lead_in);
@@ -227,7 +251,7 @@ impl<'a> Series<'a> {
                 }
                 let Some((v, a)) = differentiator.at(frame) else { continue };
                 state.forward_acceleration(model, motion.q(frame), v, a);
-                out.push_frame(&state, motion.q(frame), v);
+                out.states.push(scene, &state, motion.q(frame), v);
                 for plate in trial.plates {
                     out.plates.push(plate_frame(plate, frame, motion.rate_hz));
                 }
@@ -237,20 +261,6 @@ impl<'a> Series<'a> {
             out.spans.push((start, out.frames.len(), *span));
         }
         Ok(out)
-    }
-
-    fn push_frame(&mut self, state: &State, q: &[f64], v: &[f64]) {
-        let first = self.links.len();
-        self.links.extend(link_frames(state));
-        let mut com = [Vector3::zeros(); 3];
-        for ((link, phi), c) in self.links[first..].iter().zip(&self.scene.phi).zip(&self.scene.link_com_m) {
-            com[0] += link.point(c) * phi[0];
-            com[1] += link.point_velocity(c) * phi[0];
-            com[2] += link.point_acceleration(c) * phi[0];
-        }
-        self.coms.push(com.map(|x| x / self.scene.mass_kg));
-        self.q.extend_from_slice(q);
-        self.v.extend_from_slice(v);
     }
 
     /// Sets the centre of mass from identified base parameters (the mass first) instead of the
@@ -263,13 +273,15 @@ impl<'a> Series<'a> {
         }
         let mut state = State::new(model);
         let mut rows = DMatrix::zeros(3, base.len());
-        for (q, com) in self.q.chunks_exact(model.nq).zip(&mut self.coms) {
-            state.forward_position(model, q);
-            let origin = state.world_from_link[0].translation.vector;
-            state.first_moment_rows(base, &origin, &mut rows);
-            let moment =
-                Vector3::from_fn(|axis, _| (0..values.len()).map(|j| rows[(axis, j)] * values[j]).sum::<f64>());
-            com[0] = origin + moment / values[0];
+        for states in std::iter::once(&mut self.states).chain(&mut self.lead_in) {
+            for (q, com) in states.q.chunks_exact(model.nq).zip(&mut states.coms) {
+                state.forward_position(model, q);
+                let origin = state.world_from_link[0].translation.vector;
+                state.first_moment_rows(base, &origin, &mut rows);
+                let moment =
+                    Vector3::from_fn(|axis, _| (0..values.len()).map(|j| rows[(axis, j)] * values[j]).sum::<f64>());
+                com[0] = origin + moment / values[0];
+            }
         }
     }
 
@@ -319,13 +331,36 @@ impl<'a> Series<'a> {
         let span = self.span_of[i];
         let (start, _, stretch) = self.spans[span];
         let begins = start == i && self.frames[i] == stretch.first_frame;
-        let found: &[LinkFrame] = if begins { &self.lead_in[span] } else { &[] };
+        let found: &[LinkFrame] = if begins { &self.lead_in[span].links } else { &[] };
         found.chunks_exact(self.scene.model.n_links())
     }
     /// Links in frame `i` of the series.
     pub fn links(&self, i: usize) -> &[LinkFrame] {
         let n = self.scene.model.n_links();
-        &self.links[i * n..(i + 1) * n]
+        &self.states.links[i * n..(i + 1) * n]
+    }
+    /// The two frames between which the body was `delay_s` before frame `i` of the series, with
+    /// their shares. What was before the span is known for up to [`LEAD_IN_S`] and without a gap;
+    /// before the first frame that is known, it is that frame. Frames before the span have no
+    /// plates, and their times since take-off and touch-down are zero.
+    pub fn earlier(&self, i: usize, delay_s: f64) -> [(EffectFrame<'_>, f64); 2] {
+        let back = delay_s.max(0.0).min(LEAD_IN_S) * self.rate_hz;
+        let (frames, share) = (back.floor() as usize, back.fract());
+        [(self.before(i, frames), 1.0 - share), (self.before(i, frames + 1), share)]
+    }
+    /// The frame `back` frames before frame `i` of the series, or the nearest later one that is
+    /// known.
+    fn before(&self, i: usize, back: usize) -> EffectFrame<'_> {
+        let span = self.span_of[i];
+        let (start, _, stretch) = self.spans[span];
+        let known = &self.lead_in[span];
+        let wanted = self.frames[i].saturating_sub(back);
+        if wanted >= stretch.first_frame || known.len() == 0 {
+            return self.frame(start + self.frames[start..i].partition_point(|f| *f < wanted));
+        }
+        let first = stretch.first_frame - known.len();
+        let at = wanted.saturating_sub(first);
+        self.instant(known, at, first + at, &[], Span { flight: false, first_frame: first + at, ..stretch })
     }
     /// All frames of the series with their indices, which are those of the columns.
     pub fn instants(&self) -> impl Iterator<Item = (usize, EffectFrame<'_>)> {
@@ -334,25 +369,38 @@ impl<'a> Series<'a> {
     /// Frame `i` of the series.
     #[inline]
     pub fn frame(&self, i: usize) -> EffectFrame<'_> {
-        let model = &self.scene.model;
         let p = if self.frames.is_empty() { 0 } else { self.plates.len() / self.frames.len() };
         let span = self.spans[self.span_of[i]].2;
-        let time_s = self.frames[i] as f64 / self.rate_hz;
+        self.instant(&self.states, i, self.frames[i], &self.plates[i * p..(i + 1) * p], span)
+    }
+    /// Entry `i` of some frames, which is `frame` of the motion.
+    #[inline]
+    fn instant<'s>(
+        &'s self,
+        states: &'s States,
+        i: usize,
+        frame: usize,
+        plates: &'s [PlateFrame],
+        span: Span,
+    ) -> EffectFrame<'s> {
+        let model = &self.scene.model;
+        let n = model.n_links();
+        let time_s = frame as f64 / self.rate_hz;
         EffectFrame {
             scene: self.scene,
-            links: self.links(i),
-            plates: &self.plates[i * p..(i + 1) * p],
-            q: &self.q[i * model.nq..(i + 1) * model.nq],
-            v: &self.v[i * model.nv..(i + 1) * model.nv],
-            frame: self.frames[i],
+            links: &states.links[i * n..(i + 1) * n],
+            plates,
+            q: &states.q[i * model.nq..(i + 1) * model.nq],
+            v: &states.v[i * model.nv..(i + 1) * model.nv],
+            frame,
             time_s,
             session_time_s: self.session_time_s + time_s,
-            since_start_s: (self.frames[i] - span.first_frame) as f64 / self.rate_hz,
-            to_end_s: (span.end_frame - 1).saturating_sub(self.frames[i]) as f64 / self.rate_hz,
+            since_start_s: (frame - span.first_frame) as f64 / self.rate_hz,
+            to_end_s: (span.end_frame - 1).saturating_sub(frame) as f64 / self.rate_hz,
             flight: span.flight,
-            com: self.coms[i][0],
-            com_velocity: self.coms[i][1],
-            com_acceleration: self.coms[i][2],
+            com: states.coms[i][0],
+            com_velocity: states.coms[i][1],
+            com_acceleration: states.coms[i][2],
         }
     }
 }

@@ -61,10 +61,7 @@ impl<'s> PlaceFrames<'s> {
     /// Series of which no rows are in use (see [`crate::thin`], [`Session::in_flight`]) have no
     /// frames.
     pub fn new(session: &'s Session<'_>, carrier: Carrier, point: &Vector3<f64>) -> Self {
-        let mut in_use = vec![false; 2 * session.series.len()];
-        for (i, block) in session.blocks.iter().enumerate() {
-            in_use[session.series_of(i)] |= block.y.nrows() > 0;
-        }
+        let in_use = session.series_in_use();
         let of = |(series, in_use): (&'s aloft_effects::Series<'_>, bool)| {
             let frames = series.instants().map(|(_, f)| (f, Instant::of(&f, carrier, point)));
             if in_use { frames.collect() } else { Vec::new() }

@@ -43,6 +43,7 @@ pub(super) fn along_axis(session: &Session<'_>, problem: &Problem, found: &Fitte
         _ => return None,
     };
     let law = Law { direction: Direction::World, components: vec![k], factors: vec![factor], ..law.clone() };
-    let start = found.nonlinear[..law.point_is.unknowns()].to_vec();
+    let mut start = found.nonlinear[..law.point_is.unknowns()].to_vec();
+    start.extend(law.delay(&found.nonlinear));
     fit::fit(session, problem, &law, start, STEPS)
 }

@@ -4,8 +4,8 @@
 use super::atlas::{ENDS, Group, PlaceFrames, columns, stride};
 use super::evidence::Evidence;
 use super::far_point::along_axis;
-use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
-use super::law::{Factor, Law, PointIs};
+use super::kinematics::{Action, Carrier, Direction, Variable};
+use super::law::{Factor, Law, LawFrame, PointIs};
 use super::resistance::RESISTANCE;
 use super::shape::{KNOTS, Range, Shape};
 use crate::candidate::{Variant, score};
@@ -13,7 +13,7 @@ use crate::nonlinear::{improve, score_fitted};
 use crate::problem::Problem;
 use crate::progress::{Part, Until};
 use crate::session::Session;
-use aloft_effects::{Effect, EffectFrame, Target};
+use aloft_effects::{Effect, Series, Target};
 use nalgebra::{DMatrix, DVector, Vector3};
 use rayon::prelude::*;
 
@@ -39,25 +39,37 @@ pub(crate) struct Fitted {
 }
 
 impl Fitted {
-    /// Force (N) or couple (N·m) in a frame at an instant of the law's place, world axes.
+    /// Force (N) or couple (N·m) in a frame, world axes.
     pub fn vector(
         &self,
-        frame: &EffectFrame<'_>,
-        at: &Instant,
+        LawFrame { now, then }: &LawFrame<'_>,
         anchor: &Vector3<f64>,
         parts: &[&[f64]],
         strengths: &mut Vec<f64>,
     ) -> Vector3<f64> {
-        self.law.strengths(frame, at, anchor, parts, strengths);
         let mut v = Vector3::zeros();
-        let mut i = 0;
-        for s in strengths.iter() {
-            for &k in &self.law.components {
-                v += self.law.direction.vector(k, at, anchor) * (self.theta[i] * s);
-                i += 1;
+        for (frame, at, share) in then.iter().filter(|(_, _, share)| *share != 0.0) {
+            self.law.strengths(frame, at, anchor, parts, strengths);
+            let mut i = 0;
+            for s in strengths.iter() {
+                for &k in &self.law.components {
+                    v += self.law.direction.vector_of(k, at, now, anchor) * (self.theta[i] * s * share);
+                    i += 1;
+                }
             }
         }
         v
+    }
+
+    /// Frames of a session with the motion that the law follows there, by series.
+    pub fn frames<'s>(&self, session: &'s Session<'_>) -> Vec<Vec<LawFrame<'s>>> {
+        let (point, _, _) = self.law.divided(&self.nonlinear);
+        let delay = self.law.delay(&self.nonlinear);
+        let of = |series: &'s Series<'_>| {
+            series.instants().map(|(i, frame)| self.law.at(series, i, &frame, &point, delay)).collect()
+        };
+        let in_use = session.series_in_use();
+        session.series.iter().flatten().zip(in_use).map(|(s, used)| if used { of(s) } else { Vec::new() }).collect()
     }
 
     /// True if place, direction and variables are those of another law.
@@ -135,6 +147,7 @@ fn law_of(group: &Group, shape: Shape, values: &[f64], free_point: bool) -> (Law
         point: group.point,
         point_is: if free_point { PointIs::Free } else { PointIs::Given },
         zeros: Vec::new(),
+        delayed: false,
     };
     let mut start = Vec::new();
     if free_point {
@@ -418,6 +431,7 @@ pub(crate) fn simplify(session: &Session<'_>, problem: &Problem, found: Fitted) 
                 start.extend(q);
             }
         }
+        start.extend(law.delay(&best.nonlinear));
         if let Some(simple) = fit(session, problem, &law, start, STEPS)
             && simple.error() <= MORE * best.error()
         {

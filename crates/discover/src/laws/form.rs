@@ -2,14 +2,16 @@
 //!
 //! An effect can stand in for another law: a resistance proportional to speed for one that grows
 //! with its square root, a spring for a field. Its force then has the right place and direction and
-//! the wrong strength. The force of the effect, as fitted, times a free curve of each variable is
-//! added to the model that contains the effect. If the best of these products lowers the held-out
+//! the wrong strength. The force of the effect, as fitted, times a free curve of each variable (on a
+//! rigid body also times a straight line, of a magnitude in its logarithm) is added to the model
+//! that contains the effect. If the best of these products lowers the held-out
 //! error by more than random signs of the clusters do for the best of them, the strength depends on
 //! something in another way than the law says.
 
 use super::atlas::{PlaceFrames, SPLINES, carriers, columns, range_of, splines, stride};
 use super::evidence::Evidence;
 use super::kinematics::{Carrier, Variable};
+use super::shape::Range;
 use crate::candidate::Variant;
 use crate::problem::Problem;
 use crate::result::{Found, Misfit};
@@ -19,11 +21,12 @@ use nalgebra::Vector3;
 use rayon::prelude::*;
 
 /// Draws of random signs.
-const DRAWS: usize = 199;
+const DRAWS: usize = 499;
 /// Probability by chance below which the form is in doubt.
 const SIGNIFICANT: f64 = 0.01;
-/// Share of the error that the product has to leave at most, on a rigid body.
-const LEAVES: f64 = 0.97;
+/// Share of the error that the product has to leave at most, on a rigid body. Of 39 effects that
+/// act as their law says (chains of seed 11001, strength 2) one left less than 99.3 % with p < 0.01.
+const LEAVES: f64 = 0.99;
 
 /// A place and a variable, with the curves' values by trial.
 struct CurveCandidate {
@@ -34,13 +37,16 @@ struct CurveCandidate {
 
 /// The strongest dependence of a named effect's strength on a variable that its law does not
 /// describe; none if there is none beyond chance. `problem` contains the effects; `person` is the
-/// largest share of the error that the product may leave on a person.
+/// largest share of the error that the product may leave on a person. Products that leave less than
+/// the share `noise` explain what no law can: one that grows with the acceleration can imitate the
+/// weight of the body.
 pub(crate) fn misfit(
     session: &Session<'_>,
     problem: &Problem,
     kept: &[Variant<'_>],
     found: &[Found],
     person: f64,
+    noise: f64,
     seed: u64,
 ) -> Option<Misfit> {
     if session.series.is_empty() {
@@ -49,6 +55,8 @@ pub(crate) fn misfit(
     let session = &session.in_flight();
     let evidence = Evidence::new(problem, DRAWS, seed)?;
     let stride = stride(session);
+    // where small gains count, one column shows a smooth change more clearly than a curve
+    let slopes = session.prior.is_none();
     let mut null = vec![1.0_f64; DRAWS];
     let mut best: Option<(f64, String, Carrier, Variable)> = None;
     for (variant, found) in kept.iter().zip(found) {
@@ -56,28 +64,38 @@ pub(crate) fn misfit(
             continue;
         }
         let unit = force_of(session, variant, found);
-        let scored: Vec<(f64, Vec<f64>, CurveCandidate)> = choices(session, variant)
+        let score = |choice: &CurveCandidate, weight: Vec<Vec<f64>>, nb: usize| {
+            let made = columns(session, problem, &unit, &weight, nb, stride);
+            if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
+                return None;
+            }
+            let all: Vec<usize> = (0..nb).collect();
+            let score = evidence.score(&evidence.prepare(&made, nb), &all)?;
+            Some((score.ratio, score.null, choice.carrier, choice.variable))
+        };
+        let of = |choice: CurveCandidate| {
+            let frames = PlaceFrames::new(session, choice.carrier, &point(session, choice.carrier));
+            let values = frames.values(choice.variable, &choice.anchor);
+            let range = range_of(&values)?;
+            let curve = values.iter().map(|x| splines(x, range)).collect();
+            let slope = slopes.then(|| values.iter().map(|x| slope(x, range, choice.variable)).collect());
+            let slope = slope.and_then(|weight| score(&choice, weight, 1));
+            Some([score(&choice, curve, SPLINES), slope])
+        };
+        let scored: Vec<(f64, Vec<f64>, Carrier, Variable)> = choices(session, variant)
             .into_par_iter()
-            .filter_map(|choice| {
-                let frames = PlaceFrames::new(session, choice.carrier, &point(session, choice.carrier));
-                let values = frames.values(choice.variable, &choice.anchor);
-                let range = range_of(&values)?;
-                let weight: Vec<Vec<f64>> = values.iter().map(|x| splines(x, range)).collect();
-                let made = columns(session, problem, &unit, &weight, SPLINES, stride);
-                if !made.iter().all(|c| c.iter().all(|x| x.is_finite())) {
-                    return None;
-                }
-                let all: Vec<usize> = (0..SPLINES).collect();
-                let score = evidence.score(&evidence.prepare(&made, SPLINES), &all)?;
-                Some((score.ratio, score.null, choice))
-            })
+            .filter_map(of)
+            .collect::<Vec<_>>()
+            .into_iter()
+            .flatten()
+            .flatten()
             .collect();
-        for (ratio, by_chance, choice) in scored {
+        for (ratio, by_chance, carrier, variable) in scored {
             for (least, x) in null.iter_mut().zip(by_chance) {
                 *least = least.min(x);
             }
-            if best.as_ref().is_none_or(|b| ratio < b.0) {
-                best = Some((ratio, found.key.clone(), choice.carrier, choice.variable));
+            if ratio.sqrt() > noise && best.as_ref().is_none_or(|b| ratio < b.0) {
+                best = Some((ratio, found.key.clone(), carrier, variable));
             }
         }
     }
@@ -94,6 +112,17 @@ pub(crate) fn misfit(
         held_out_ratio: ratio.sqrt(),
         family_wise_p: p,
     })
+}
+
+/// A straight line in a variable that takes both signs, else in its logarithm: the first change of
+/// a power.
+fn slope(values: &[f64], range: Range, variable: Variable) -> Vec<f64> {
+    let (middle, half) = (0.5 * (range.low + range.high), 0.5 * range.width());
+    if variable.is_signed() {
+        return values.iter().map(|x| (x - middle) / half).collect();
+    }
+    let least = range.low.max(0.05 * range.reach());
+    values.iter().map(|x| (x.max(least) / range.reach()).ln()).collect()
 }
 
 /// Force and moment about the world origin of an effect in every frame, one column, by series.

@@ -2,7 +2,7 @@
 //! name.
 
 use super::kinematics::{Action, Carrier, Direction, Variable};
-use super::law::{Factor, Law, factor_name};
+use super::law::{DELAY, Factor, Law, factor_name};
 use super::shape::{KNOTS, Shape};
 use crate::wording::digits;
 use aloft_effects::{
@@ -112,6 +112,7 @@ impl Law {
                 .collect(),
             constants,
             definitions,
+            delay: self.delayed.then(|| DELAY.to_owned()),
             acts: ActsIn::Flight,
             kind: EffectKind::Physics,
             documentation,
@@ -152,7 +153,8 @@ impl Law {
             let [from, to, by] = [low, f.range.high, step].map(|v| digits(v, 3));
             format!("; hat0 to hat{} peak at {x} = {from} to {to}{unit}, in steps of {by}", KNOTS - 1)
         });
-        sum + &steps.collect::<String>()
+        let late = if self.delayed { format!(" of the motion `{DELAY}` earlier") } else { String::new() };
+        sum + &late + &steps.collect::<String>()
     }
 
     /// Component `axis` of the direction's unit vector `k` as a formula; `None` where it is zero.
@@ -299,7 +301,7 @@ mod tests {
                 for variable in variables {
                     let shapes = Shape::of(variable.is_signed(), variable == Variable::Distance, false);
                     for shape in shapes.into_iter().chain([Shape::Curve]) {
-                        for second in &second {
+                        for (second, delayed) in second.iter().zip([false, false, true]) {
                             let law = Law {
                                 id: "law".to_owned(),
                                 carrier: Carrier::Link(1),
@@ -310,8 +312,9 @@ mod tests {
                                 point: Vector3::new(0.01, 0.02, 0.03),
                                 point_is: PointIs::Given,
                                 zeros: Vec::new(),
+                                delayed,
                             };
-                            let what = format!("{action:?} {direction:?} {variable:?} {shape:?} {second:?}");
+                            let what = format!("{action:?} {direction:?} {variable:?} {shape:?} {second:?} {delayed}");
                             let off = difference(&series, &scene, &law).map_err(|e| format!("{what}: {e}"))?;
                             assert!(off < 1e-6, "{what}: {off:e}");
                             count += 1;

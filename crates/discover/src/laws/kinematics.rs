@@ -148,6 +148,16 @@ impl Direction {
         }
     }
 
+    /// [`vector`](Self::vector) of the motion at an earlier instant, `then`: components along axes
+    /// of the link turn with it until `now`.
+    pub fn vector_of(self, component: usize, then: &Instant, now: &Instant, anchor: &Vector3<f64>) -> Vector3<f64> {
+        let v = self.vector(component, then, anchor);
+        match self {
+            Self::Link | Self::AcrossVelocityInLink => now.rotation * then.rotation.tr_mul(&v),
+            _ => v,
+        }
+    }
+
     /// Unit vector of a component, world axes (of length |ω||v| or less for ω × v).
     pub fn vector(self, component: usize, at: &Instant, anchor: &Vector3<f64>) -> Vector3<f64> {
         let unit = |v: &Vector3<f64>| {

@@ -5,7 +5,7 @@ use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
 use super::shape::{Range, Shape};
 use aloft_body::Model;
 use aloft_effects::{
-    About, ActsIn, Coefficient, Columns, Effect, NonlinearParameter, ParameterKind, Scene, Series, Target,
+    About, ActsIn, Coefficient, Columns, Effect, EffectFrame, NonlinearParameter, ParameterKind, Scene, Series, Target,
 };
 use nalgebra::Vector3;
 
@@ -26,7 +26,8 @@ impl Factor {
 }
 
 /// A law with free coefficients and parameters. Nonlinear parameters in this order: the point on
-/// the link (if free), the anchor (if the direction needs one), the parameters of each factor.
+/// the link (if free), the anchor (if the direction needs one), the parameters of each factor, the
+/// delay (if there is one).
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Law {
     pub id: String,
@@ -43,6 +44,17 @@ pub(crate) struct Law {
     /// Numbers that are added to the variable of each factor; empty for none. Draws of the geometry
     /// move the zeros of joints.
     pub zeros: Vec<f64>,
+    /// True if it follows the motion late: the delay is its last nonlinear parameter.
+    pub delayed: bool,
+}
+
+/// A frame in which a law acts, and the motion that it follows there.
+pub(crate) struct LawFrame<'s> {
+    /// The law's place in this frame.
+    pub now: Instant,
+    /// The frames whose motion it follows, with its place in them and their shares: this frame, or
+    /// the two between which the motion was a delay earlier.
+    pub then: [(EffectFrame<'s>, Instant, f64); 2],
 }
 
 /// What is known of the point.
@@ -68,6 +80,10 @@ impl PointIs {
     }
 }
 
+/// Name of the delay.
+pub(crate) const DELAY: &str = "delay";
+/// Longest delay of a law, s.
+const LONGEST_DELAY_S: f64 = 0.3;
 /// Distance from the link's centre of mass within which a point is searched, m.
 pub(crate) const POINT_REACH_M: f64 = 0.4;
 
@@ -89,6 +105,29 @@ impl Law {
             .iter()
             .any(Option::is_some)
             .then(|| Self { zeros: zeros.into_iter().map(|z| z.unwrap_or(0.0)).collect(), ..self.clone() })
+    }
+
+    /// The delay among the nonlinear parameters, s.
+    pub fn delay(&self, nonlinear: &[f64]) -> Option<f64> {
+        nonlinear.last().copied().filter(|_| self.delayed)
+    }
+
+    /// Frame `i` of a series and the motion that the law follows there; `frame` is the frame
+    /// itself.
+    pub fn at<'s>(
+        &self,
+        series: &'s Series<'_>,
+        i: usize,
+        frame: &EffectFrame<'s>,
+        point: &Vector3<f64>,
+        delay: Option<f64>,
+    ) -> LawFrame<'s> {
+        let now = Instant::of(frame, self.carrier, point);
+        let then = match delay {
+            None => [(*frame, now, 1.0), (*frame, now, 0.0)],
+            Some(delay) => series.earlier(i, delay).map(|(f, share)| (f, Instant::of(&f, self.carrier, point), share)),
+        };
+        LawFrame { now, then }
     }
 
     /// Splits the nonlinear parameters: point, anchor, parameters of each factor.
@@ -132,7 +171,7 @@ impl Law {
     /// Values of all linear terms in a frame.
     pub fn strengths(
         &self,
-        frame: &aloft_effects::EffectFrame<'_>,
+        frame: &EffectFrame<'_>,
         at: &Instant,
         anchor: &Vector3<f64>,
         parts: &[&[f64]],
@@ -267,23 +306,29 @@ impl Effect for Law {
                 out.push(NonlinearParameter::new(factor_name(i, p.name), &unit, p.lower, p.upper, p.scale));
             }
         }
+        if self.delayed {
+            out.push(NonlinearParameter::new(DELAY, "s", 0.0, LONGEST_DELAY_S, 0.02));
+        }
         out
     }
     fn evaluate(&self, series: &Series<'_>, _: Target, nonlinear: &[f64], out: &mut Columns) {
         let (point, anchor, parts) = self.divided(nonlinear);
+        let delay = self.delay(nonlinear);
         let mut strengths = Vec::new();
         for (i, frame) in series.instants() {
-            let at = Instant::of(&frame, self.carrier, &point);
-            self.strengths(&frame, &at, &anchor, &parts, &mut strengths);
-            let mut column = 0;
-            for s in &strengths {
-                for &k in &self.components {
-                    let v = self.direction.vector(k, &at, &anchor) * *s;
-                    match self.action {
-                        Action::Force => out.force_at(i, column, &v, &at.position),
-                        Action::Couple => out.couple(i, column, &v),
+            let LawFrame { now, then } = self.at(series, i, &frame, &point, delay);
+            for (of, at, share) in then.iter().filter(|(_, _, share)| *share != 0.0) {
+                self.strengths(of, at, &anchor, &parts, &mut strengths);
+                let mut column = 0;
+                for s in &strengths {
+                    for &k in &self.components {
+                        let v = self.direction.vector_of(k, at, &now, &anchor) * (s * share);
+                        match self.action {
+                            Action::Force => out.force_at(i, column, &v, &now.position),
+                            Action::Couple => out.couple(i, column, &v),
+                        }
+                        column += 1;
                     }
-                    column += 1;
                 }
             }
         }

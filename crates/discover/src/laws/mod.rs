@@ -7,6 +7,7 @@
 //! | vocabulary | `kinematics`, `shape` | places, directions, variables; functions of a variable |
 //! | atlas | `atlas` | every place, direction and variable with a free curve, ranked by held-out error |
 //! | laws | `fit`, `law` | expressions for the best entries, with point, anchor and constants fitted in every fold |
+//! | delay | `delayed` | the same law of the motion as it was earlier |
 //! | diagnosis | `diagnosis` | what the best entry says without a law |
 //! | rounds | `search` | a second factor, the simplest law that is as good, and again on what remains |
 //! | contact | `with_contact` | the law that flights and contact show together |
@@ -25,6 +26,7 @@
 //! that place and direction of the force are found from six rows of a floating base.
 
 mod atlas;
+mod delayed;
 mod described;
 mod diagnosis;
 mod evidence;
@@ -55,4 +57,4 @@ pub(crate) use atlas::Line;
 pub(crate) use form::misfit;
 pub(crate) use kinematics::WHOLE_BODY;
 pub(crate) use search::search;
-pub(crate) use stated::Rivals;
+pub(crate) use stated::{Doubted, Rivals};

@@ -1,13 +1,13 @@
 //! Which recording would tell two laws apart: both are evaluated on the flights turned, moved,
 //! faster and with more spin, and the change on which they differ most is named.
 
-use super::atlas::PlaceFrames;
 use super::fit::Fitted;
 use super::kinematics::{Action, Instant};
+use super::law::LawFrame;
 use super::result::NextRecording;
 use super::wording;
 use crate::session::Session;
-use aloft_effects::{EffectFrame, Scene};
+use aloft_effects::Scene;
 use nalgebra::{Rotation3, Vector3};
 
 /// Length over which moments are compared with forces, m.
@@ -53,38 +53,41 @@ impl Change {
             omega: turn * at.omega * self.spin,
         }
     }
+
+    /// The change of a frame in which a law acts.
+    fn of_frame<'s>(&self, at: &LawFrame<'s>, scene: &Scene) -> LawFrame<'s> {
+        let then = at.then.map(|(frame, place, share)| (frame, self.of(&place, scene), share));
+        LawFrame { now: self.of(&at.now, scene), then }
+    }
 }
 
 /// Force and moment about the centre of mass of a law in a frame.
-fn wrench(
-    f: &Fitted,
-    frame: &EffectFrame<'_>,
-    at: &Instant,
-    com: &Vector3<f64>,
-    buffer: &mut Vec<f64>,
-) -> (Vector3<f64>, Vector3<f64>) {
+fn wrench(f: &Fitted, at: &LawFrame<'_>, com: &Vector3<f64>, buffer: &mut Vec<f64>) -> (Vector3<f64>, Vector3<f64>) {
     let (_, anchor, parts) = f.law.divided(&f.nonlinear);
-    let v = f.vector(frame, at, &anchor, &parts, buffer);
+    let v = f.vector(at, &anchor, &parts, buffer);
     match f.law.action {
-        Action::Force => (v, (at.position - com).cross(&v)),
+        Action::Force => (v, (at.now.position - com).cross(&v)),
         Action::Couple => (Vector3::zeros(), v),
     }
 }
 
 /// Root mean square of the difference of two laws over all flights after a change, N.
 fn difference(session: &Session<'_>, a: &Fitted, b: &Fitted, change: &Change) -> f64 {
-    let frames = [a, b].map(|f| {
-        let (point, _, _) = f.law.divided(&f.nonlinear);
-        PlaceFrames::new(session, f.law.carrier, &point)
-    });
+    let frames = [a, b].map(|f| f.frames(session));
+    let bodies = session
+        .series
+        .iter()
+        .flatten()
+        .zip(&frames[0])
+        .flat_map(|(series, of_law)| series.instants().map(|(_, frame)| frame).take(of_law.len()));
     let (mut sum, mut n) = (0.0, 0.0);
     let mut buffer = Vec::new();
-    for (one, other) in frames[0].series.iter().flatten().zip(frames[1].series.iter().flatten()).step_by(STEP) {
-        let middle =
-            Instant { position: one.0.com, velocity: one.0.com_velocity, rotation: one.1.rotation, omega: one.1.omega };
+    let both = frames[0].iter().flatten().zip(frames[1].iter().flatten());
+    for (body, (one, other)) in bodies.zip(both).step_by(STEP) {
+        let middle = Instant { position: body.com, velocity: body.com_velocity, ..one.now };
         let com = change.of(&middle, session.scene).position;
-        let (fa, ma) = wrench(a, &one.0, &change.of(&one.1, session.scene), &com, &mut buffer);
-        let (fb, mb) = wrench(b, &other.0, &change.of(&other.1, session.scene), &com, &mut buffer);
+        let (fa, ma) = wrench(a, &change.of_frame(one, session.scene), &com, &mut buffer);
+        let (fb, mb) = wrench(b, &change.of_frame(other, session.scene), &com, &mut buffer);
         let d = (fa - fb).norm_squared() + (ma - mb).norm_squared() / (LEVER_M * LEVER_M);
         if d.is_finite() {
             sum += d;

@@ -96,6 +96,7 @@ mod tests {
             point: Vector3::zeros(),
             point_is: PointIs::Free,
             zeros: Vec::new(),
+            delayed: false,
         };
         let (theta, none) = (DVector::zeros(3), Vec::new);
         Fitted { law, nonlinear: point.to_vec(), theta, errors: vec![error], se: none(), freedom: none(), unknowns: 6 }

@@ -2,6 +2,7 @@
 //! with a second factor where that removes more, or a free curve.
 
 use super::atlas::{ENDS, Group, MANY_LINKS, PlaceFrames, columns, of_clock, stride};
+use super::delayed::{delayed, may_be_late};
 use super::evidence::Evidence;
 use super::fit::{self, Fitted};
 use super::kinematics::{Action, Carrier, Variable};
@@ -41,19 +42,20 @@ pub(super) fn one_law(
     until: &Until,
 ) -> Option<OneLaw> {
     let evidence = &evidence.without_draws();
+    let person = session.prior.is_some();
     let mut laws = fit::laws(session, problem, evidence, groups, until);
     laws.extend(more);
     laws.sort_by(|a, b| a.error().total_cmp(&b.error()));
-    if session.prior.is_some() && !until.is_over() {
+    if person && !until.is_over() {
         laws.extend(on_neighbours(session, problem, &laws));
         laws.sort_by(|a, b| a.error().total_cmp(&b.error()));
     }
-    if let Some(at) = on_its_link(session.scene, &laws).filter(|_| session.prior.is_some()) {
+    if let Some(at) = on_its_link(session.scene, &laws).filter(|_| person) {
         laws[..=at].rotate_right(1);
     }
     let curves: Vec<Fitted> = groups.iter().take(3).filter_map(|g| fit::curve(session, problem, g)).collect();
     let curve = curves.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()));
-    let simple = simplest(&laws, session.prior.is_some()).cloned();
+    let simple = simplest(&laws, person).cloned();
     let mut best = match (simple, curve) {
         (Some(law), Some(curve)) => {
             let ratio = (law.error() / curve.error()).sqrt();
@@ -62,35 +64,61 @@ pub(super) fn one_law(
         (law, curve) => law.or(curve)?,
     };
     // a product may begin with another law than the best single one
-    let mut bases: Vec<&Fitted> = vec![&best];
-    for l in &laws {
-        let same = |o: &&Fitted| {
-            o.law.carrier == l.law.carrier && o.law.direction == l.law.direction && o.law.action == l.law.action
-        };
-        if bases.len() < 3 && !bases.iter().any(same) {
-            bases.push(l);
-        }
-    }
+    let bases = of_places(std::iter::once(&best).chain(&laws));
     // the clock has many frequencies: on a body of many links it is tried for the best law only
     let few_links = session.scene.model.n_links() <= MANY_LINKS;
     let mut products: Vec<Fitted> = bases
         .into_iter()
         .enumerate()
-        .filter(|_| !until.is_over())
+        .filter(|(_, l)| !l.law.delayed && !until.is_over())
         .filter_map(|(i, l)| second_factor(session, problem, evidence, l, few_links || i == 0))
         .collect();
     let waves = laws.iter().filter(|l| wave_of_the_clock(l).is_some()).take(2);
     products.extend(waves.filter(|_| !until.is_over()).filter_map(|l| travelling(session, problem, l)));
-    if let Some(product) = products.into_iter().min_by(|a, b| a.error().total_cmp(&b.error()))
-        && product.error() < SECOND * SECOND * best.error()
+    // other links fit as well as this law without its delay, if it has one
+    let mut as_well = None;
+    let at_once = of_places(std::iter::once(&best).chain(&laws).filter(|l| may_be_late(l)));
+    let late = at_once.into_iter().filter(|_| !until.is_over()).filter_map(|base| {
+        let laws = delayed(session, problem, base);
+        Some((simplest(&laws, person)?.clone(), base.error()))
+    });
+    let late = late.collect::<Vec<_>>().into_iter().min_by(|a, b| a.0.error().total_cmp(&b.0.error()));
+    let product = products.into_iter().min_by(|a, b| a.error().total_cmp(&b.error())).map(|law| (law, None));
+    let late = late.map(|(law, without)| (law, Some(without)));
+    // an expression with a delay is simpler than a curve
+    let instead = late.as_ref().filter(|(law, _)| {
+        let is_curve = best.law.factors.iter().any(|f| f.shape == Shape::Curve);
+        is_curve && law.error() <= SIMPLER * SIMPLER * best.error()
+    });
+    if let Some((law, without)) = instead {
+        (best, as_well) = (law.clone(), *without);
+    }
+    let further = [late, product].into_iter().flatten().min_by(|a, b| a.0.error().total_cmp(&b.0.error()));
+    if let Some((law, without)) = further
+        && law.error() < SECOND * SECOND * best.error()
     {
-        best = product;
+        (best, as_well) = (law, without);
     }
     let best = fit::simplify(session, problem, best);
     let rival = laws.iter().find(|l| !l.is_like(&best)).cloned();
-    let near = |l: &&Fitted| l.law.action == best.law.action && l.error() <= ALSO * ALSO * best.error();
+    let limit = ALSO * ALSO * as_well.unwrap_or(best.error());
+    let near = |l: &&Fitted| l.law.action == best.law.action && l.error() <= limit;
     let also = best.law.carrier.others(laws.iter().filter(near).map(|l| l.law.carrier));
     Some(OneLaw { best, rival, also })
+}
+
+/// The first of the laws of each of the first three places and directions.
+fn of_places<'l>(laws: impl Iterator<Item = &'l Fitted>) -> Vec<&'l Fitted> {
+    let mut out: Vec<&Fitted> = Vec::new();
+    for l in laws {
+        let same = |o: &&Fitted| {
+            o.law.carrier == l.law.carrier && o.law.direction == l.law.direction && o.law.action == l.law.action
+        };
+        if out.len() < 3 && !out.iter().any(same) {
+            out.push(l);
+        }
+    }
+    out
 }
 
 /// The simplest law whose error is as good as the best one's.
@@ -128,7 +156,7 @@ fn simplest(laws: &[Fitted], person: bool) -> Option<&Fitted> {
 fn wave_of_the_clock(law: &Fitted) -> Option<&Factor> {
     let [only] = &law.law.factors[..] else { return None };
     let wave = matches!(only.shape, Shape::Sine | Shape::Wave | Shape::WaveAbout);
-    (wave && only.variable == Variable::Clock).then_some(only)
+    (wave && only.variable == Variable::Clock && !law.law.delayed).then_some(only)
 }
 
 /// A wave of the clock as one that travels through the room: waves of clock and place, of which the
@@ -195,16 +223,16 @@ fn second_factor(
     let (point, anchor, parts) = law.law.divided(&law.nonlinear);
     let frames = PlaceFrames::new(session, law.law.carrier, &point);
     // the whole force of the law as one column
-    let unit: Vec<Vec<Vec<[f64; 6]>>> = frames
-        .series
+    let unit: Vec<Vec<Vec<[f64; 6]>>> = law
+        .frames(session)
         .iter()
         .map(|t| {
             let mut strengths = Vec::new();
             let column = t
                 .iter()
-                .map(|(frame, at)| {
-                    let v = law.vector(frame, at, &anchor, &parts, &mut strengths);
-                    let m = at.position.cross(&v);
+                .map(|at| {
+                    let v = law.vector(at, &anchor, &parts, &mut strengths);
+                    let m = at.now.position.cross(&v);
                     match law.law.action {
                         Action::Force => [v.x, v.y, v.z, m.x, m.y, m.z],
                         Action::Couple => [0.0, 0.0, 0.0, v.x, v.y, v.z],

@@ -15,8 +15,10 @@ pub(super) const ANSWERED: f64 = 1.5;
 const PART: f64 = 0.5;
 /// Laws that leave more than this share of what the catalogue leaves are not named.
 const BETTER: f64 = 0.85;
-/// Probability by chance below which a law is better than an effect whose form is in doubt.
+/// Probability by chance below which a law is better than an effect that is in doubt.
 const TRUER: f64 = 0.01;
+/// The same where the form of the effect is refuted already, with a probability of its own.
+const TRUER_IN_FORM: f64 = 0.05;
 /// Share of a named effect's error in flight and contact that a law leaves at most to take its
 /// place.
 const LESS_ON_BOTH: f64 = 0.90;
@@ -67,8 +69,8 @@ pub(crate) struct Rivals<'v, 'a> {
     /// Number of unknowns if the best effects are of several kinds: a single law with fewer
     /// unknowns that leaves no more is simpler, if no single effect comes near it.
     pub several: Option<usize>,
-    /// Squared held-out error by cluster of named effects whose strength does not follow their law.
-    pub doubted: Option<Vec<f64>>,
+    /// Named effects that are in doubt.
+    pub doubted: Option<Doubted>,
     /// True if the named effects reach the floor's interval and nothing else is held against them:
     /// any law that leaves less is stated, for the stages to compare both.
     pub within_floor: bool,
@@ -80,6 +82,15 @@ pub(crate) struct Rivals<'v, 'a> {
     pub far_in_contact: bool,
     /// The effects that the catalogue names, of which one is missing; empty if several are.
     pub named: &'v [Variant<'a>],
+}
+
+/// Named effects that are in doubt: their strength does not follow their law, or they act along a
+/// line from far away.
+pub(crate) struct Doubted {
+    /// Squared held-out error by cluster.
+    pub errors: Vec<f64>,
+    /// True if their strength does not follow their law.
+    pub by_form: bool,
 }
 
 /// What is said of laws that were found.
@@ -108,10 +119,11 @@ pub(super) fn stated(
             && ratio < BETTER * catalogue.single
     };
     // a law in place of an effect whose form is in doubt has to be better flight by flight
-    let truer = |errors: &Vec<f64>| {
+    let truer = |doubted: &Doubted| {
         let Some(law) = single else { return false };
-        let same = law.fitted.errors.len() == errors.len();
-        same && sign_flip_p(&law.fitted.errors, errors, 2000, seed ^ 0xf02a) < TRUER
+        let same = law.fitted.errors.len() == doubted.errors.len();
+        let limit = if doubted.by_form { TRUER_IN_FORM } else { TRUER };
+        same && sign_flip_p(&law.fitted.errors, &doubted.errors, 2000, seed ^ 0xf02a) < limit
     };
     let of_both = single.is_some_and(|law| law.of_both);
     let truer_on_both = against.is_some_and(AgainstLaw::is_for_the_law);

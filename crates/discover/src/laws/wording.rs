@@ -116,6 +116,9 @@ pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f
         text.push_str(&format!(" {}", vector(&anchor)));
     }
     text.push_str(&format!(", {}", strength.join(" and, as a second factor, ")));
+    if let Some(delay) = law.delay(nonlinear) {
+        text.push_str(&format!("; it follows the motion {:.0} ms late", 1000.0 * delay));
+    }
     if work.share < 0.02 {
         text.push_str("; it does no work");
     } else if work.taken > 0.98 {

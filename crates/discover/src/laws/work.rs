@@ -1,6 +1,5 @@
 //! Work that a law does.
 
-use super::atlas::PlaceFrames;
 use super::fit::Fitted;
 use super::kinematics::Action;
 use super::result::Work;
@@ -8,15 +7,14 @@ use crate::session::Session;
 
 /// Work of a law over all flights.
 pub(super) fn work(session: &Session<'_>, f: &Fitted) -> Work {
-    let (point, anchor, parts) = f.law.divided(&f.nonlinear);
-    let frames = PlaceFrames::new(session, f.law.carrier, &point);
+    let (_, anchor, parts) = f.law.divided(&f.nonlinear);
     let (mut taken, mut absolute, mut size) = (0.0, 0.0, 0.0);
     let mut strengths = Vec::new();
-    for (frame, at) in frames.series.iter().flatten() {
-        let v = f.vector(frame, at, &anchor, &parts, &mut strengths);
+    for at in f.frames(session).iter().flatten() {
+        let v = f.vector(at, &anchor, &parts, &mut strengths);
         let rate = match f.law.action {
-            Action::Force => at.velocity,
-            Action::Couple => at.omega,
+            Action::Force => at.now.velocity,
+            Action::Couple => at.now.omega,
         };
         let power = v.dot(&rate);
         absolute += power.abs();

@@ -23,6 +23,10 @@
 //! force: ["-k * r_x / distance", "-k * r_y / distance", "-k * r_z / distance"]
 //! ```
 //!
+//! A law that acts late has a `delay`, the name of a parameter or constant in s: its formulas then
+//! have the values that they had so much earlier ([`Series::earlier`]). The force acts where the
+//! point is now; components along the axes of the link turn with it.
+//!
 //! Unknowns have a direction if their names imply one: consecutive coefficients `c_x`, `c_y` (and
 //! `c_z`) are the components of a vector, parameters `anchor_x` … or `pulley_x` … a position in the
 //! world, `wind_x` … a vector in world axes. Discovery rotates such an effect to other directions
@@ -41,8 +45,8 @@ pub use spec::{
 };
 
 use crate::{
-    About, ActsIn, Coefficient, Columns, Effect, EffectKind, EffectsError, NonlinearParameter, ParameterKind, Scene,
-    Series, Target,
+    About, ActsIn, Coefficient, Columns, Effect, EffectKind, EffectsError, LEAD_IN_S, NonlinearParameter,
+    ParameterKind, Scene, Series, Target,
 };
 use law::{Law, Source, Symbol};
 use nalgebra::Vector3;
@@ -62,6 +66,8 @@ pub struct CompiledFormula {
     parameters: Vec<NonlinearParameter>,
     starts: Vec<Vec<f64>>,
     parts: Vec<Part>,
+    /// Parameter or constant that is the delay of the law.
+    delay: Option<Source>,
 }
 
 /// A law on some links.
@@ -100,6 +106,7 @@ impl FormulaEffect {
             symbols.push(Symbol { name: c.name.clone(), source: Source::Constant(c.value), unit, place });
         }
         self.check_names(scene, &symbols)?;
+        let delay = self.read_delay(&symbols)?;
         let definitions = law::definitions(&self.id, scene, &symbols, &self.definitions)?;
         let mut parts = Vec::new();
         let parts_of = self.laws();
@@ -132,7 +139,8 @@ impl FormulaEffect {
         }
         let (mut coefficients, mut parameters) = (coefficients, parameters);
         name_directions(&mut coefficients, &mut parameters, parts.iter().all(|p| p.axes == FormulaAxes::World));
-        let sources = |s: &Source| parts.iter().flat_map(|p| &p.laws).flatten().any(|l| l.sources.contains(s));
+        let in_laws = |s: &Source| parts.iter().flat_map(|p| &p.laws).flatten().any(|l| l.sources.contains(s));
+        let sources = |s: &Source| delay.as_ref() == Some(s) || in_laws(s);
         for s in symbols.iter().filter(|s| !matches!(s.source, Source::Constant(_))) {
             if !sources(&s.source) {
                 return Err(self.wrong(&format!("{}.name", s.place), format!("`{}` stands in no formula", s.name)));
@@ -158,7 +166,28 @@ impl FormulaEffect {
             parameters,
             starts,
             parts,
+            delay,
         })
+    }
+
+    /// The delay of the law: a time within what is known before a span.
+    fn read_delay(&self, symbols: &[Symbol]) -> Result<Option<Source>, EffectsError> {
+        let Some(name) = &self.delay else { return Ok(None) };
+        let of = |s: &&Symbol| s.name == *name && !matches!(s.source, Source::Coefficient(_));
+        let Some(symbol) = symbols.iter().find(of) else {
+            return Err(self.wrong("delay", format!("`{name}` is neither a parameter nor a constant of this effect")));
+        };
+        let [lower, upper] = match symbol.source {
+            Source::Parameter(k) => [self.parameters[k].lower, self.parameters[k].upper],
+            Source::Constant(x) => [x; 2],
+            Source::Coefficient(_) | Source::Quantity(_) => [f64::NAN; 2],
+        };
+        if !symbol.unit.same(Unit::SECOND) || lower.is_nan() || lower < 0.0 || upper > LEAD_IN_S {
+            let text =
+                format!("`{name}` is {lower} to {upper} {}; a delay is 0 to {LEAD_IN_S} s", symbol.unit.describe());
+            return Err(self.wrong("delay", text));
+        }
+        Ok(Some(symbol.source))
     }
 
     fn wrong(&self, place: &str, problem: impl Into<String>) -> EffectsError {
@@ -323,8 +352,15 @@ impl Effect for CompiledFormula {
     }
     fn evaluate(&self, series: &Series<'_>, _: Target, nonlinear: &[f64], out: &mut Columns) {
         let mut values = Vec::new();
+        let given = |j: usize| nonlinear.get(j).copied().unwrap_or(f64::NAN);
+        let delay = self.delay.map(|source| match source {
+            Source::Parameter(j) => given(j),
+            Source::Constant(x) => x,
+            Source::Coefficient(_) | Source::Quantity(_) => f64::NAN,
+        });
         for i in 0..series.len() {
             let f = series.frame(i);
+            let of = delay.map_or([(f, 1.0), (f, 0.0)], |delay| series.earlier(i, delay));
             if !self.acts.in_contact() && !f.flight || !self.acts.in_flight() && f.flight {
                 continue;
             }
@@ -334,13 +370,15 @@ impl Effect for CompiledFormula {
                     for k in 0..self.coefficients.len() {
                         let mut six = [0.0; 6];
                         for (x, law) in six.iter_mut().zip(&part.laws) {
-                            if let Some(law) = law {
-                                *x = law.value(&mut values, |s| match s {
-                                    Source::Quantity(q) => q.value(&f, place, part.axes),
-                                    Source::Coefficient(j) => f64::from(u8::from(j == k)),
-                                    Source::Parameter(j) => nonlinear.get(j).copied().unwrap_or(f64::NAN),
-                                    Source::Constant(x) => x,
-                                });
+                            let Some(law) = law else { continue };
+                            for (then, share) in of.iter().filter(|(_, share)| *share != 0.0) {
+                                *x += share
+                                    * law.value(&mut values, |s| match s {
+                                        Source::Quantity(q) => q.value(then, place, part.axes),
+                                        Source::Coefficient(j) => f64::from(u8::from(j == k)),
+                                        Source::Parameter(j) => given(j),
+                                        Source::Constant(x) => x,
+                                    });
                             }
                         }
                         let mut force = Vector3::new(six[0], six[1], six[2]);

@@ -40,6 +40,10 @@ pub struct FormulaEffect {
     /// Formulas with a name, for use in the law and in later definitions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub definitions: Vec<FormulaDefinition>,
+    /// Name of a parameter or constant in s, at most 0.4 s: the law is that of the motion so much
+    /// earlier. The force acts where the point is now, and along the axes as they are now.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub delay: Option<String>,
     /// Where it acts: `flight`, `contact` or `both`.
     #[serde(default = "both")]
     pub acts: ActsIn,

@@ -6,6 +6,7 @@ pub(crate) struct Unit(pub [f64; 3]);
 
 impl Unit {
     pub const NONE: Self = Self([0.0; 3]);
+    pub const SECOND: Self = Self([0.0, 0.0, 1.0]);
     pub const FORCE: Self = Self([1.0, 1.0, -2.0]);
     pub const MOMENT: Self = Self([2.0, 1.0, -2.0]);
 
@@ -54,7 +55,7 @@ impl Unit {
                 "1" | "rad" => Self::NONE,
                 "m" => Self([1.0, 0.0, 0.0]),
                 "kg" => Self([0.0, 1.0, 0.0]),
-                "s" => Self([0.0, 0.0, 1.0]),
+                "s" => Self::SECOND,
                 "N" => Self::FORCE,
                 "J" => Self::MOMENT,
                 "W" => Self([2.0, 1.0, -3.0]),

@@ -92,6 +92,58 @@ fn formulas_read_as_people_write() {
     });
 }
 
+/// A law with a delay has the formulas' values of the motion so much earlier, at the present point
+/// and along the present axes; before what is known, those of the first frame that is known.
+#[test]
+fn a_delayed_law_follows_the_motion_of_an_earlier_frame() {
+    let fixture = Fixture::new(true);
+    let of = |text: &str| -> CompiledFormula {
+        serde_json::from_str::<FormulaEffect>(text).unwrap().compile(&fixture.scene).unwrap()
+    };
+    let law = |axes: &str| {
+        let law = format!(
+            r#"{{"id": "late", "axes": "{axes}", "point": {{"link": "arm"}}, "delay": "late",
+                 "force": ["c*v_x*speed", "c*v_y*speed", "c*q_arm*v_z*speed"],
+                 "coefficients": [{{"name": "c", "unit": "kg/m"}}],
+                 "parameters": [{{"name": "late", "unit": "s", "lower": 0, "upper": 0.4}}]}}"#
+        );
+        let at_once = law.replace(r#""delay": "late","#, "").replace("*q_arm", "*q_arm*cos(late/late)/cos(late/late)");
+        (of(&law), of(&at_once))
+    };
+    fixture.with(|series| {
+        for (axes, in_link) in [("world", false), ("link", true)] {
+            let (late, at_once) = law(axes);
+            let plain = fixture.columns(series, &at_once, Target::Body, &[0.1]);
+            let components = |frame: usize| {
+                let force = plain.force(frame, 0);
+                if in_link { series.links(frame)[1].rotation.tr_mul(&force) } else { force }
+            };
+            // ten frames at 200 Hz, and a quarter of a frame more
+            for (delay, back, share) in [(0.05, 10, 0.0), (0.05125, 10, 0.25), (0.0, 0, 0.0)] {
+                let columns = fixture.columns(series, &late, Target::Body, &[delay]);
+                for i in (12..series.len()).step_by(9) {
+                    let then = components(i - back) * (1.0 - share) + components(i - back - 1) * share;
+                    let now = &series.links(i)[1];
+                    let force = if in_link { now.rotation * then } else { then };
+                    assert!((columns.force(i, 0) - force).norm() < 1e-9 * force.norm(), "{axes} {delay} {i}");
+                    let point = now.point(&fixture.scene.link_com_m[1]);
+                    assert!((columns.moment(i, 0) - point.cross(&force)).norm() < 1e-9);
+                }
+            }
+        }
+        // of the frames before the span 20 are known
+        let [(first, _), _] = series.earlier(3, 0.05);
+        assert_eq!((first.frame, first.flight, first.plates.len()), (13, false, 0));
+        let q = fixture.motion.q(13);
+        assert_eq!(first.q, q);
+        assert!((first.com - series.frame(0).com).norm() < 0.5);
+        let [(oldest, share), (older, _)] = series.earlier(3, 0.4);
+        assert_eq!((oldest.frame, older.frame, share), (0, 0, 1.0));
+        let [(now, share), _] = series.earlier(3, f64::NAN);
+        assert_eq!((now.frame, share), (23, 1.0));
+    });
+}
+
 /// A law with definitions is the law with what they stand for.
 #[test]
 fn definitions_stand_for_their_formulas() {
@@ -237,8 +289,30 @@ fn drag_written_as_a_formula_has_the_columns_of_the_catalogue() {
 fn what_is_wrong_outside_of_formulas_is_told_with_its_place() {
     let fixture = Fixture::new(true);
     type Change = fn(&mut FormulaEffect);
-    let cases: [(Change, &str, &str); 8] = [
+    fn constant(name: &str, unit: &str, value: f64) -> FormulaConstant {
+        FormulaConstant { name: name.into(), unit: unit.into(), value }
+    }
+    let cases: [(Change, &str, &str); 12] = [
         (|e| e.id = "tether".into(), "id", "catalogue"),
+        (|e| e.delay = Some("late".into()), "delay", "`late` is neither a parameter nor a constant"),
+        (|e| e.delay = Some("c".into()), "delay", "`c` is neither a parameter nor a constant"),
+        (
+            |e| {
+                e.constants.push(constant("late", "m", 0.1));
+                e.delay = Some("late".into());
+            },
+            "delay",
+            "`late` is 0.1 to 0.1 m; a delay is 0 to 0.4 s",
+        ),
+        (
+            |e| {
+                let (name, unit) = ("late".to_owned(), "s".to_owned());
+                e.parameters.push(FormulaParameter { name, unit, lower: 0.0, upper: 0.5, start: None });
+                e.delay = Some("late".into());
+            },
+            "delay",
+            "`late` is 0 to 0.5 s; a delay is 0 to 0.4 s",
+        ),
         (
             |e| e.point.as_mut().unwrap().link = "bse".into(),
             "point.link",
@@ -255,11 +329,7 @@ fn what_is_wrong_outside_of_formulas_is_told_with_its_place() {
         ),
         (|e| e.coefficients[0].name = "speed".into(), "coefficients[0].name", "it is a quantity"),
         (|e| e.point = None, "id", "neither a `point`"),
-        (
-            |e| e.constants.push(FormulaConstant { name: "c".into(), unit: "1".into(), value: 2.0 }),
-            "constants[0].name",
-            "two things",
-        ),
+        (|e| e.constants.push(constant("c", "1", 2.0)), "constants[0].name", "two things"),
     ];
     for (change, at, words) in cases {
         let mut effect = sail();
