@@ -1,7 +1,8 @@
 //! Laws that no catalogue lists, hidden in thrown chains.
 
-use crate::support::discovered;
+use crate::support::{discovered, expect, folder, json, lab, repo};
 use serde_json::Value;
+use std::fs;
 
 /// Constants of the one law of an answer: value and 95 % interval.
 struct Law(Value);
@@ -45,4 +46,29 @@ fn a_tether_from_far_away_does_not_stand_in_for_a_field() {
         let (value, [low, high]) = law.constant(name);
         assert!((low..high).contains(&truth), "{name} {value}: {low} to {high}");
     }
+}
+
+/// A force that follows the hinge late is found with its delay, which is in the file that is added,
+/// and brings the error to its floor.
+#[test]
+fn a_nozzle_that_blows_late_is_found_and_added_with_its_delay() {
+    let dir = folder();
+    let data = lab("fixtures/scenarios/chain_late_nozzle.yaml", dir.path()).display().to_string();
+    // `effect add` writes beside the pipeline
+    let pipeline = dir.path().join("chain.yaml");
+    let text = fs::read_to_string(repo("pipelines/chain.yaml")).unwrap();
+    fs::write(&pipeline, text.replace("../fixtures", &repo("fixtures"))).unwrap();
+    let (pipeline, ws) = (pipeline.display().to_string(), dir.path().join("ws").display().to_string());
+    let words = [pipeline.as_str(), "--data", &data, "--workspace", &ws];
+    expect(&[&["run"], &words[..]].concat(), 0);
+    let law = Law::of(&json(&[&["discover"], &words[..], &["--json"]].concat()));
+    assert_eq!((&law.0["carrier"], &law.0["variables"][0]), (&"link1".into(), &"qd_link1".into()), "{}", law.0);
+    assert!(law.0["text"].as_str().unwrap().contains("it follows the motion 60 ms late"), "{}", law.0["text"]);
+    let (delay, [low, high]) = law.constant("delay");
+    assert!((low..high).contains(&0.06) && high - low < 0.004, "{delay}: {low} to {high}");
+    let id = law.0["id"].as_str().unwrap();
+    let (out, _) = expect(&[&["effect", "add", &pipeline, id], &words[1..]].concat(), 0);
+    assert!(out.contains("at the floor"), "{out}");
+    let file = fs::read_to_string(dir.path().join("effects").join(format!("{id}.yaml"))).unwrap();
+    assert!(file.contains("delay: delay"), "{file}");
 }

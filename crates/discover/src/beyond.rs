@@ -112,6 +112,7 @@ pub(crate) fn look_beyond(
     };
     let Some((made, against)) = crate::laws::search(session, accepted, rival, &taken, until, options) else { return };
     out.against = against;
+    let another_form = out.is_of_another_form(session.prior.is_none());
     let open = out.open.insert(made);
     let staged = where_they_act(session, open).map(|s| s.errors);
     open.times_floor_in_contact = staged.and_then(|s| s[1]).map(|e| e.times_floor()).filter(|t| t.is_finite());
@@ -154,7 +155,7 @@ pub(crate) fn look_beyond(
     let refuted = in_doubt && open.laws.is_empty();
     let stands = within_floor && !(in_doubt || takes_its_place);
     if (named || far_in_contact) && (constant && !refuted || stands) {
-        if named {
+        if named && !another_form {
             // what the catalogue names stands, unless a law leaves less
             out.open = None;
         } else if let Some(model_error) = &session.model_error[0] {

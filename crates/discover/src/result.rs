@@ -323,8 +323,8 @@ pub struct Discovery {
     pub advice: Vec<String>,
     /// Data that were left out, with the reason.
     pub warnings: Vec<String>,
-    /// An effect that is named, whose strength depends on something in another way than its law
-    /// says; null where nothing shows that.
+    /// An effect found whose strength depends on something in another way than its law says; null
+    /// where nothing shows that. On a rigid body a single effect with a misfit is not named.
     #[serde(default)]
     pub misfit: Option<Misfit>,
     /// The effects that are named beside the best law beyond the catalogue; null where no such law
@@ -346,6 +346,14 @@ pub struct Discovery {
     /// possible.
     #[serde(default)]
     pub not_tried: Vec<NotTried>,
+}
+
+impl Discovery {
+    /// True if the one effect that is named has another form than its law says: something acts like
+    /// it, and what is not known. On people errors that repeat change the strength of right effects.
+    pub(crate) fn is_of_another_form(&self, rigid: bool) -> bool {
+        rigid && self.misfit.is_some() && self.verdict == Verdict::Supported && self.found.len() == 1
+    }
 }
 
 /// The effects that are named beside the best law beyond the catalogue, each fitted to flights and

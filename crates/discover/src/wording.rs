@@ -276,6 +276,14 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> Strin
     text
 }
 
+/// The answer where the strength of the one effect found does not follow its law.
+pub(crate) fn of_another_form(d: &Discovery, left: Option<HeldOutResult>) -> String {
+    let times = left.map_or(String::new(), |s| format!(" to {} times its floor", digits(s.times_floor(), 2)));
+    let found: Vec<String> = d.found.iter().map(|f| f.key.clone()).collect();
+    let why = d.misfit.as_ref().map_or("", |m| m.text.as_str());
+    format!("unexplained: {} lowers the held-out error in flight{times}, but {why}", list(&found))
+}
+
 /// The result with that of the search beyond the catalogue; `far` if the words say already that the
 /// error is unexplained.
 pub(crate) fn with_open(d: &Discovery, open: &OpenWorld, far: bool) -> String {
