@@ -2,11 +2,11 @@
 //!
 //! An effect can stand in for another law: a resistance proportional to speed for one that grows
 //! with its square root, a spring for a field. Its force then has the right place and direction and
-//! the wrong strength. The force of the effect, as fitted, times a free curve of each variable (on a
-//! rigid body also times a straight line, of a magnitude in its logarithm) is added to the model
-//! that contains the effect. If the best of these products lowers the held-out
-//! error by more than random signs of the clusters do for the best of them, the strength depends on
-//! something in another way than the law says.
+//! the wrong strength. The force of the effect, as fitted, times a free curve of each variable is
+//! added to the model that contains the effect; on a rigid body also times a straight line, of a
+//! magnitude in its logarithm. If the best of these products lowers the held-out error by more than
+//! random signs of the clusters do for the best of them, the strength depends on something in
+//! another way than the law says.
 
 use super::atlas::{PlaceFrames, SPLINES, carriers, columns, range_of, splines, stride};
 use super::evidence::Evidence;
