@@ -298,8 +298,8 @@ pub(crate) fn conclude(
             if only_plates && has_flights && before.is_above() {
                 return Some((wording::domain(places[i]), before));
             }
-            // the floor of a rigid body holds no soft tissue, so with enough flights its interval is
-            // what effects reach
+            // no soft tissue is in the floor of a rigid body, so with enough flights the right
+            // effects reach its interval
             let many = || rounds_in(&out.rounds, places[i]).any(|r| r.clusters >= MANY_CLUSTERS);
             let beyond = after.is_between() || after.is_above();
             let not_reached = rigid && i == 0 && judged_here && beyond && many();
