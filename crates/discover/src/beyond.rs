@@ -5,13 +5,13 @@ use crate::by_stages::Staged;
 use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
-use crate::laws::{Direction, Doubted, FoundLaw, Line, OpenWorld};
+use crate::laws::{Direction, Doubted, FormLimits, FoundLaw, Line, OpenWorld};
 use crate::only_as_limit::{has_unknown_place, is_far_away};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::refused::Refused;
-use crate::result::{AgainstLaw, Discovery, Verdict};
+use crate::result::{AgainstLaw, Discovery, MANY_CLUSTERS, Round, Verdict};
 use crate::session::Session;
 use crate::sizes::predicts_as_well;
 use crate::wording;
@@ -53,10 +53,16 @@ pub(crate) fn look_beyond(
             Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
         })
         .flatten();
-    let noise = left[0].and_then(|s| s.noise_floor_ci95.map(|ci| ci[0] / s.held_out_error)).unwrap_or(0.0);
-    out.misfit = with_effects.as_ref().and_then(|problem| {
-        crate::laws::misfit(session, problem, kept, &out.found, options.belief_kinematics, noise, options.seed)
-    });
+    let limits = FormLimits {
+        person: options.belief_kinematics,
+        noise: left[0].and_then(|s| s.noise_floor_ci95.map(|ci| ci[0] / s.held_out_error)).unwrap_or(0.0),
+        removed: session.model_error[0]
+            .zip(left[0])
+            .map_or(0.0, |(before, after)| (before.held_out_error / after.held_out_error).powi(2) - 1.0),
+    };
+    out.misfit = with_effects
+        .as_ref()
+        .and_then(|problem| crate::laws::misfit(session, problem, kept, &out.found, &limits, options.seed));
     // an anchor at the end of the range, or beyond any wall, is a sign of another law
     let far_away = kept.iter().any(|v| is_far_away(session, v));
     let remains = left[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
@@ -90,8 +96,9 @@ pub(crate) fn look_beyond(
     let ratio = (out.held_out_error_after / out.held_out_error).min(single);
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
     let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
-    let by_form = out.misfit.is_some();
-    let of_another_form = by_form || far_away;
+    let of_another_form = out.misfit.is_some() || far_away;
+    // on people errors that repeat change the strength of right effects, too
+    let by_form = out.misfit.is_some() && session.prior.is_none();
     let doubt = |p: Problem| Doubted { errors: p.folds.iter().map(|f| f.error).collect(), by_form };
     let doubted = with_effects.filter(|_| of_another_form).map(doubt);
     let within_floor = hides && !of_another_form && !remains && !several_above;
@@ -112,7 +119,9 @@ pub(crate) fn look_beyond(
     };
     let Some((made, against)) = crate::laws::search(session, accepted, rival, &taken, until, options) else { return };
     out.against = against;
-    let another_form = out.is_of_another_form(session.prior.is_none());
+    let rigid = session.prior.is_none();
+    let in_flight = rigid && kept.iter().any(|v| v.effect.acts().in_flight());
+    let refuted_alone = out.is_of_another_form(rigid) || out.leaves_too_much(left[0], in_flight);
     let open = out.open.insert(made);
     let staged = where_they_act(session, open).map(|s| s.errors);
     open.times_floor_in_contact = staged.and_then(|s| s[1]).map(|e| e.times_floor()).filter(|t| t.is_finite());
@@ -155,7 +164,7 @@ pub(crate) fn look_beyond(
     let refuted = in_doubt && open.laws.is_empty();
     let stands = within_floor && !(in_doubt || takes_its_place);
     if (named || far_in_contact) && (constant && !refuted || stands) {
-        if named && !another_form {
+        if named && !refuted_alone {
             // what the catalogue names stands, unless a law leaves less
             out.open = None;
         } else if let Some(model_error) = &session.model_error[0] {
@@ -185,6 +194,23 @@ pub(crate) fn look_beyond(
         out.found.clear();
         out.ladder.clear();
         out.held_out_error_after = open.held_out_error_after;
+    }
+}
+
+impl Discovery {
+    /// True if the one effect that is named has another form than its law says: something acts
+    /// like it, and what is not known. On people errors that repeat change the strength of right
+    /// effects.
+    pub(crate) fn is_of_another_form(&self, rigid: bool) -> bool {
+        rigid && self.misfit.is_some() && self.verdict == Verdict::Supported && self.found.len() == 1
+    }
+
+    /// True if named effects on a rigid body leave more in many flights than the right ones would:
+    /// no soft tissue is in the floor. `left` is what they leave.
+    pub(crate) fn leaves_too_much(&self, left: Option<HeldOutResult>, rigid: bool) -> bool {
+        let named = matches!(self.verdict, Verdict::Supported | Verdict::OneOf);
+        let flights = |r: &Round| r.judged_on == wording::domain(Domain::Flight) && r.clusters >= MANY_CLUSTERS;
+        rigid && named && self.rounds.iter().any(flights) && left.is_some_and(|s| s.is_not_reached())
     }
 }
 

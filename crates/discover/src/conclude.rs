@@ -12,7 +12,7 @@ use crate::progress::Until;
 use crate::rank::judged_in;
 use crate::refused::{Refused, Unnamed};
 use crate::repeating::widen;
-use crate::result::{Candidate, Discovery, Found, Group, MANY_CLUSTERS, NotTried, Round, Verdict};
+use crate::result::{Candidate, Discovery, Found, Group, NotTried, Round, Verdict};
 use crate::round::wanted;
 use crate::session::Session;
 use crate::sizes::by_both;
@@ -125,11 +125,6 @@ fn groups<'r>(rounds: impl Iterator<Item = &'r Round>, found: &[Found]) -> Vec<G
     out
 }
 
-/// The rounds that were judged in one kind of motion.
-fn rounds_in(rounds: &[Round], place: Domain) -> impl Iterator<Item = &Round> {
-    rounds.iter().filter(move |r| r.judged_on == wording::domain(place))
-}
-
 /// The answer, or what was found and is not named.
 pub(crate) fn conclude(
     session: &Session<'_>,
@@ -189,7 +184,7 @@ pub(crate) fn conclude(
     };
     let places = [Domain::Flight, Domain::Contact];
     let first_error = places.map(|place| {
-        let judged = rounds_in(&rounds, place).next().is_some();
+        let judged = rounds.iter().any(|r| r.judged_on == wording::domain(place));
         if judged { error_with(place, &[], &[]).unwrap_or(f64::NAN) } else { f64::NAN }
     });
     for round in &mut rounds {
@@ -278,7 +273,7 @@ pub(crate) fn conclude(
     // which effects leave a share that the noise does not account for. Effects found
     // in flight are judged in flight; their error in contact also contains what only contact shows,
     // but a force that is always there cannot leave contact far above its floor.
-    let rigid = session.prior.is_none() && has_flights && !kept.is_empty();
+    let rigid = session.prior.is_none() && has_flights && kept.iter().any(|v| v.effect.acts().in_flight());
     let only_flight = kept.iter().any(|v| v.effect.acts().in_flight()) && has_flights;
     let in_both = kept.iter().any(|v| v.effect.acts().in_flight() && v.effect.acts().in_contact());
     let far = (0..2)
@@ -298,12 +293,7 @@ pub(crate) fn conclude(
             if only_plates && has_flights && before.is_above() {
                 return Some((wording::domain(places[i]), before));
             }
-            // no soft tissue is in the floor of a rigid body, so with enough flights the right
-            // effects reach its interval
-            let many = || rounds_in(&out.rounds, places[i]).any(|r| r.clusters >= MANY_CLUSTERS);
-            let beyond = after.is_between() || after.is_above();
-            let not_reached = rigid && i == 0 && judged_here && beyond && many();
-            (after.is_far() || misfit || remains || not_reached).then(|| (wording::domain(places[i]), after))
+            (after.is_far() || misfit || remains).then(|| (wording::domain(places[i]), after))
         })
         .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));
     // an error that a perfect model would hardly reach leaves nothing to explain; contact is judged
@@ -320,9 +310,13 @@ pub(crate) fn conclude(
         let refuted = contradicted.is_some() && in_doubt.is_empty();
         look_beyond(session, accepted, effects, &kept, &in_doubt, refuted, &left, &mut out, until, options);
     }
+    let far = far.or_else(|| {
+        let after = left[0].filter(|_| out.leaves_too_much(left[0], rigid))?;
+        Some((wording::domain(Domain::Flight), after))
+    });
     // the force of one effect acts, and its law is another one
     let another_form = out.is_of_another_form(rigid).then(|| wording::of_another_form(&out, left[0]));
-    if another_form.is_some() {
+    if another_form.is_some() || out.leaves_too_much(left[0], rigid) {
         out.verdict = Verdict::Unexplained;
         out.effects.clear();
         out.groups.clear();

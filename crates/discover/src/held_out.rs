@@ -90,6 +90,14 @@ impl HeldOutResult {
         beyond && self.times_floor() > NEAR_TIMES_FLOOR && !self.is_above()
     }
 
+    /// True if the error exceeds 1.2 times the floor, the upper end of the floor's interval, and what
+    /// the errors of the parameters account for: effects on a rigid body in many flights have not
+    /// reached the floor, in which there is no soft tissue.
+    pub(crate) fn is_not_reached(&self) -> bool {
+        let most = self.most(f64::INFINITY).max(WORTH_A_SEARCH * self.noise_floor);
+        self.noise_floor > 0.0 && self.held_out_error > most
+    }
+
     /// True if the error exceeds 1.5 times the floor, the upper end of the floor's interval, and
     /// what the errors of the parameters account for: too much for a body of which nothing is
     /// missing (0.7 to 1.3 times the floor in simulations).
@@ -103,5 +111,27 @@ impl HeldOutResult {
     pub(crate) fn is_far(&self) -> bool {
         let most = self.most(0.0).max(POOR_TIMES_FLOOR * self.noise_floor);
         self.noise_floor > 0.0 && most.is_finite() && self.held_out_error > most
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Effects on a rigid body reach the floor's interval, 1.2 floors, or what the errors of the
+    /// parameters account for.
+    #[test]
+    fn a_floor_is_reached_within_its_interval_and_what_parameters_leave() {
+        let of = |held_out_error, ci, by_parameters| {
+            let noise_floor_ci95 = Some([0.8, ci]);
+            HeldOutResult { held_out_error, noise_floor: 1.0, noise_floor_ci95, by_parameters }.is_not_reached()
+        };
+        assert!(of(1.25, 1.15, None));
+        assert!(!of(1.18, 1.15, None));
+        assert!(!of(1.25, 1.3, None));
+        assert!(!of(1.25, 1.15, Some(1.4)) && of(1.45, 1.15, Some(1.4)));
+        let unknown =
+            HeldOutResult { held_out_error: 9.0, noise_floor: 1.0, noise_floor_ci95: None, by_parameters: None };
+        assert!(!unknown.is_not_reached());
     }
 }

@@ -348,15 +348,6 @@ pub struct Discovery {
     pub not_tried: Vec<NotTried>,
 }
 
-impl Discovery {
-    /// True if the one effect that is named has another form than its law says: something acts
-    /// like it, and what is not known. On people errors that repeat change the strength of right
-    /// effects.
-    pub(crate) fn is_of_another_form(&self, rigid: bool) -> bool {
-        rigid && self.misfit.is_some() && self.verdict == Verdict::Supported && self.found.len() == 1
-    }
-}
-
 /// The effects that are named beside the best law beyond the catalogue, each fitted to flights and
 /// contact.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

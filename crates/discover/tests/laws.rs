@@ -348,6 +348,19 @@ fn no_law_is_claimed_where_there_is_none() {
     }
 }
 
+/// A drag with the root of the speed, at 2.5 times the error without it, fits `linear_drag` nearly
+/// as well: the form of that effect is refuted, and the law is stated with its power.
+#[test]
+fn an_effect_whose_form_is_refuted_is_not_named() {
+    let root = CASES[0].yaml.replace("(speed/one)^0.5", "(speed/one)^(-0.5)");
+    let (d, _) = lab(7).find(Some((&formula(&root), 2.5)));
+    report("a drag with the root of the speed", &d);
+    assert_eq!((d.verdict, d.effects.len()), (Verdict::Unexplained, 0), "{}", d.words);
+    let law = &d.open.as_ref().unwrap().laws[0];
+    assert_eq!((law.carrier.as_str(), law.direction), ("link1", Direction::AgainstVelocity), "{}", law.text);
+    assert_eq!(law.variables, ["speed"]);
+}
+
 #[test]
 fn a_listed_effect_is_named_as_itself() {
     let drag = formula(

@@ -339,28 +339,33 @@ impl<'a> Series<'a> {
         let n = self.scene.model.n_links();
         &self.states.links[i * n..(i + 1) * n]
     }
-    /// The two frames between which the body was `delay_s` before frame `i` of the series, with
-    /// their shares. What was before the span is known for up to [`LEAD_IN_S`] and without a gap;
-    /// before the first frame that is known, it is that frame. Frames before the span have no
-    /// plates, and their times since take-off and touch-down are zero.
+    /// The two known frames between which the body was `delay_s` before frame `i` of the series,
+    /// with their shares. What was before the span is known for up to [`LEAD_IN_S`], as far as no
+    /// frame is missing there; before the first frame that is known, it is that frame. Frames
+    /// before the span have no plates and no times since take-off or touch-down.
     pub fn earlier(&self, i: usize, delay_s: f64) -> [(EffectFrame<'_>, f64); 2] {
-        let back = delay_s.max(0.0).min(LEAD_IN_S) * self.rate_hz;
-        let (frames, share) = (back.floor() as usize, back.fract());
-        [(self.before(i, frames), 1.0 - share), (self.before(i, frames + 1), share)]
-    }
-    /// The frame `back` frames before frame `i` of the series, or the nearest later one that is
-    /// known.
-    fn before(&self, i: usize, back: usize) -> EffectFrame<'_> {
+        let wanted = self.frames[i] as f64 - delay_s.max(0.0).min(LEAD_IN_S) * self.rate_hz;
         let span = self.span_of[i];
         let (start, _, stretch) = self.spans[span];
-        let known = &self.lead_in[span];
-        let wanted = self.frames[i].saturating_sub(back);
-        if wanted >= stretch.first_frame || known.len() == 0 {
-            return self.frame(start + self.frames[start..i].partition_point(|f| *f < wanted));
-        }
-        let first = stretch.first_frame - known.len();
-        let at = wanted.saturating_sub(first);
-        self.instant(known, at, first + at, &[], Span { flight: false, first_frame: first + at, ..stretch })
+        let lead_in = &self.lead_in[span];
+        let (n, first) = (lead_in.len(), stretch.first_frame - lead_in.len());
+        // known frames are counted from the first one before the span
+        let newer = if n > 0 && wanted <= (stretch.first_frame - 1) as f64 {
+            (wanted.ceil() - first as f64).max(0.0) as usize
+        } else {
+            n + self.frames[start..i].partition_point(|f| (*f as f64) < wanted)
+        };
+        let at = |k: usize| {
+            if k >= n {
+                return self.frame(start + k - n);
+            }
+            self.instant(lead_in, k, first + k, &[], Span { flight: false, first_frame: first + k, ..stretch })
+        };
+        let after = at(newer);
+        let before = if newer > 0 && after.frame as f64 > wanted { at(newer - 1) } else { after };
+        let apart = (after.frame - before.frame) as f64;
+        let share = if apart > 0.0 { (wanted - before.frame as f64) / apart } else { 0.0 };
+        [(before, 1.0 - share), (after, share)]
     }
     /// All frames of the series with their indices, which are those of the columns.
     pub fn instants(&self) -> impl Iterator<Item = (usize, EffectFrame<'_>)> {

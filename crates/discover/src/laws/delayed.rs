@@ -10,6 +10,7 @@ use super::kinematics::Variable;
 use super::law::{Factor, Law};
 use super::shape::Shape;
 use crate::problem::Problem;
+use crate::progress::Until;
 use crate::session::Session;
 use rayon::prelude::*;
 
@@ -32,28 +33,31 @@ pub(super) fn may_be_late(law: &Fitted) -> bool {
 /// Laws of the place and direction of `law` with a delay, best first; none if it may not be late,
 /// or a delay explains little more. The variable is that of `law`, or the magnitude of what its
 /// direction follows: without the delay another variable can describe the force better.
-pub(super) fn delayed(session: &Session<'_>, problem: &Problem, law: &Fitted) -> Vec<Fitted> {
+pub(super) fn delayed(session: &Session<'_>, problem: &Problem, law: &Fitted, until: &Until) -> Vec<Fitted> {
     let [factor] = &law.law.factors[..] else { return Vec::new() };
     let magnitude = law.law.direction.magnitude().filter(|m| *m != factor.variable).and_then(|variable| {
         let (point, anchor, _) = law.law.divided(&law.nonlinear);
         let range = PlaceFrames::new(session, law.law.carrier, &point).range(variable, &anchor, ENDS)?;
         Some(Factor { variable, range, ..factor.clone() })
     });
-    let each = std::iter::once(factor.clone()).chain(magnitude).flat_map(|f| of_variable(session, problem, law, &f));
+    let each =
+        std::iter::once(factor.clone()).chain(magnitude).flat_map(|f| of_variable(session, problem, law, &f, until));
     let mut out: Vec<Fitted> = each.collect();
     out.sort_by(|a, b| a.error().total_cmp(&b.error()));
     out
 }
 
 /// Laws with a delay of the place and direction of `law` and the variable of `factor`.
-fn of_variable(session: &Session<'_>, problem: &Problem, law: &Fitted, factor: &Factor) -> Vec<Fitted> {
+fn of_variable(session: &Session<'_>, problem: &Problem, law: &Fitted, factor: &Factor, until: &Until) -> Vec<Fitted> {
     let place = &law.nonlinear[..law.law.point_is.unknowns()];
     let start = |shape: Shape, parameters: &[f64], delay: f64| {
         let factors = vec![Factor { shape, fixed: None, ..factor.clone() }];
         let with = Law { factors, delayed: true, ..law.law.clone() };
         (with, [place, parameters, &[delay]].concat())
     };
-    let fitted = |(law, start): (Law, Vec<f64>), steps| fit::fit(session, problem, &law, start, steps);
+    let fitted = |(law, start): (Law, Vec<f64>), steps| {
+        if until.is_over() { None } else { fit::fit(session, problem, &law, start, steps) }
+    };
     // the delay at which the law as it is, or a free curve, leaves the least
     let (_, _, parts) = law.law.divided(&law.nonlinear);
     let own = law.law.parameters_of(&parts)[0];

@@ -27,6 +27,9 @@ const SIGNIFICANT: f64 = 0.01;
 /// Share of the error that the product has to leave at most, on a rigid body. Of 39 effects that
 /// act as their law says (chains of seed 11001, strength 2) none left less than 99.2 %.
 const LEAVES: f64 = 0.99;
+/// Squared error that the product has to remove at least, as a share of what the effects removed: a
+/// right effect of great strength leaves up to 0.1 % by its own simplification.
+const OF_REMOVED: f64 = 0.005;
 
 /// A place and a variable, with the curves' values by trial.
 struct CurveCandidate {
@@ -35,18 +38,25 @@ struct CurveCandidate {
     anchor: Vector3<f64>,
 }
 
+/// What a product of an effect's force has to do before the form of the effect is in doubt.
+pub(crate) struct FormLimits {
+    /// Largest share of the error that it may leave on a person.
+    pub person: f64,
+    /// Products that leave less than this share of the error explain what no law can: one that
+    /// grows with the acceleration can imitate the weight of the body.
+    pub noise: f64,
+    /// Squared error that the effects removed, over that which they leave.
+    pub removed: f64,
+}
+
 /// The strongest dependence of a named effect's strength on a variable that its law does not
-/// describe; none if there is none beyond chance. `problem` contains the effects; `person` is the
-/// largest share of the error that the product may leave on a person. Products that leave less than
-/// the share `noise` explain what no law can: one that grows with the acceleration can imitate the
-/// weight of the body.
+/// describe; none if there is none beyond chance. `problem` contains the effects.
 pub(crate) fn misfit(
     session: &Session<'_>,
     problem: &Problem,
     kept: &[Variant<'_>],
     found: &[Found],
-    person: f64,
-    noise: f64,
+    limits: &FormLimits,
     seed: u64,
 ) -> Option<Misfit> {
     if session.series.is_empty() {
@@ -94,7 +104,7 @@ pub(crate) fn misfit(
             for (least, x) in null.iter_mut().zip(by_chance) {
                 *least = least.min(x);
             }
-            if ratio.sqrt() > noise && best.as_ref().is_none_or(|b| ratio < b.0) {
+            if ratio.sqrt() > limits.noise && best.as_ref().is_none_or(|b| ratio < b.0) {
                 best = Some((ratio, found.key.clone(), carrier, variable));
             }
         }
@@ -102,9 +112,10 @@ pub(crate) fn misfit(
     let (ratio, effect, carrier, variable) = best?;
     let as_good = null.iter().filter(|x| **x <= ratio).count();
     let p = (as_good + 1) as f64 / (DRAWS + 1) as f64;
-    let limit = if session.prior.is_some() { person } else { LEAVES };
+    let limit = if session.prior.is_some() { limits.person } else { LEAVES };
     let place = carrier.name(session.scene);
-    (p < SIGNIFICANT && ratio.sqrt() < limit).then(|| Misfit {
+    let is_small = 1.0 - ratio < OF_REMOVED * limits.removed;
+    (p < SIGNIFICANT && ratio.sqrt() < limit && !is_small).then(|| Misfit {
         text: super::wording::misfit(session.scene, &effect, &place, variable, p),
         effect,
         carrier: place,

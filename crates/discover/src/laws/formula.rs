@@ -302,6 +302,8 @@ mod tests {
                     let shapes = Shape::of(variable.is_signed(), variable == Variable::Distance, false);
                     for shape in shapes.into_iter().chain([Shape::Curve]) {
                         for (second, delayed) in second.iter().zip([false, false, true]) {
+                            // not known of the motion before a stretch
+                            let delayed = delayed && variable != Variable::SinceTakeOff;
                             let law = Law {
                                 id: "law".to_owned(),
                                 carrier: Carrier::Link(1),

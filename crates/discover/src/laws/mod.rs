@@ -54,7 +54,7 @@ pub use kinematics::{Action, Carrier, Direction, Variable};
 pub use result::{Diagnosis, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Work};
 
 pub(crate) use atlas::Line;
-pub(crate) use form::misfit;
+pub(crate) use form::{FormLimits, misfit};
 pub(crate) use kinematics::WHOLE_BODY;
 pub(crate) use search::search;
 pub(crate) use stated::{Doubted, Rivals};

@@ -64,47 +64,50 @@ pub(super) fn one_law(
         (law, curve) => law.or(curve)?,
     };
     // a product may begin with another law than the best single one
-    let bases = of_places(std::iter::once(&best).chain(&laws));
+    let bases = of_places(std::iter::once(&best).chain(&laws).filter(|l| !l.law.delayed));
     // the clock has many frequencies: on a body of many links it is tried for the best law only
     let few_links = session.scene.model.n_links() <= MANY_LINKS;
     let mut products: Vec<Fitted> = bases
         .into_iter()
         .enumerate()
-        .filter(|(_, l)| !l.law.delayed && !until.is_over())
+        .filter(|_| !until.is_over())
         .filter_map(|(i, l)| second_factor(session, problem, evidence, l, few_links || i == 0))
         .collect();
     let waves = laws.iter().filter(|l| wave_of_the_clock(l).is_some()).take(2);
     products.extend(waves.filter(|_| !until.is_over()).filter_map(|l| travelling(session, problem, l)));
-    // other links fit as well as this law without its delay, if it has one
-    let mut as_well = None;
     let at_once = of_places(std::iter::once(&best).chain(&laws).filter(|l| may_be_late(l)));
-    let late = at_once.into_iter().filter(|_| !until.is_over()).filter_map(|base| {
-        let laws = delayed(session, problem, base);
-        Some((simplest(&laws, person)?.clone(), base.error()))
-    });
-    let late = late.collect::<Vec<_>>().into_iter().min_by(|a, b| a.0.error().total_cmp(&b.0.error()));
-    let product = products.into_iter().min_by(|a, b| a.error().total_cmp(&b.error())).map(|law| (law, None));
-    let late = late.map(|(law, without)| (law, Some(without)));
+    let late: Vec<Fitted> =
+        at_once.iter().filter_map(|base| simplest(&delayed(session, problem, base, until), person).cloned()).collect();
+    let least = |laws: &[Fitted]| laws.iter().min_by(|a, b| a.error().total_cmp(&b.error())).cloned();
     // an expression with a delay is simpler than a curve
-    let instead = late.as_ref().filter(|(law, _)| {
-        let is_curve = best.law.factors.iter().any(|f| f.shape == Shape::Curve);
-        is_curve && law.error() <= SIMPLER * SIMPLER * best.error()
-    });
-    if let Some((law, without)) = instead {
-        (best, as_well) = (law.clone(), *without);
+    let is_curve = best.law.factors.iter().any(|f| f.shape == Shape::Curve);
+    if let Some(law) = least(&late).filter(|l| is_curve && l.error() <= SIMPLER * SIMPLER * best.error()) {
+        best = law;
     }
-    let further = [late, product].into_iter().flatten().min_by(|a, b| a.0.error().total_cmp(&b.0.error()));
-    if let Some((law, without)) = further
-        && law.error() < SECOND * SECOND * best.error()
-    {
-        (best, as_well) = (law, without);
+    let further = least(&[least(&late), least(&products)].into_iter().flatten().collect::<Vec<_>>());
+    if let Some(law) = further.filter(|l| l.error() < SECOND * SECOND * best.error()) {
+        best = law;
     }
     let best = fit::simplify(session, problem, best);
     let rival = laws.iter().find(|l| !l.is_like(&best)).cloned();
-    let limit = ALSO * ALSO * as_well.unwrap_or(best.error());
-    let near = |l: &&Fitted| l.law.action == best.law.action && l.error() <= limit;
-    let also = best.law.carrier.others(laws.iter().filter(near).map(|l| l.law.carrier));
+    let also = best.law.carrier.others(as_good(&best, &laws, &late).map(|l| l.law.carrier));
     Some(OneLaw { best, rival, also })
+}
+
+/// Laws that leave hardly more error than the best one. Beside a law with a delay these are laws
+/// that do so without its delay, unless a delay on their place was tried and leaves more.
+fn as_good<'l>(best: &'l Fitted, laws: &'l [Fitted], late: &'l [Fitted]) -> impl Iterator<Item = &'l Fitted> {
+    let by_action = |l: &&Fitted| l.law.action == best.law.action;
+    let on = |l: &Fitted, carrier| l.law.carrier == carrier;
+    let at_once = laws.iter().filter(move |l| by_action(l) && !l.law.delayed);
+    let here = at_once.clone().filter(|l| on(l, best.law.carrier)).map(Fitted::error).fold(f64::INFINITY, f64::min);
+    let without = if best.law.delayed && here.is_finite() { here } else { best.error() };
+    let refused = move |l: &Fitted| {
+        let there = late.iter().chain(laws).filter(|o| o.law.delayed && by_action(o) && on(o, l.law.carrier));
+        let least = there.map(Fitted::error).fold(f64::INFINITY, f64::min);
+        best.law.delayed && least.is_finite() && least > ALSO * ALSO * best.error()
+    };
+    at_once.filter(move |l| l.error() <= ALSO * ALSO * without && !refused(l))
 }
 
 /// The first of the laws of each of the first three places and directions.

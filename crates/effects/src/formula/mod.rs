@@ -25,7 +25,8 @@
 //!
 //! A law that acts late has a `delay`, the name of a parameter or constant in s: its formulas then
 //! have the values that they had so much earlier ([`Series::earlier`]). The force acts where the
-//! point is now; components along the axes of the link turn with it.
+//! point is now; components along the axes of the link turn with it. Such a law cannot depend on
+//! `since_start`, `since_landing` and `to_end`, which are not known of the motion before a stretch.
 //!
 //! Unknowns have a direction if their names imply one: consecutive coefficients `c_x`, `c_y` (and
 //! `c_z`) are the components of a vector, parameters `anchor_x` … or `pulley_x` … a position in the
@@ -139,6 +140,15 @@ impl FormulaEffect {
         }
         let (mut coefficients, mut parameters) = (coefficients, parameters);
         name_directions(&mut coefficients, &mut parameters, parts.iter().all(|p| p.axes == FormulaAxes::World));
+        let all = parts.iter().flat_map(|p| &p.laws).flatten().flat_map(|l| &l.sources);
+        let mut of_an_end = all.filter_map(|s| match s {
+            Source::Quantity(q) => q.counts_from_an_end(),
+            _ => None,
+        });
+        if let Some(name) = of_an_end.next().filter(|_| delay.is_some()) {
+            let text = format!("a law with a delay cannot depend on `{name}`, which is not known of the motion before");
+            return Err(self.wrong("delay", text));
+        }
         let in_laws = |s: &Source| parts.iter().flat_map(|p| &p.laws).flatten().any(|l| l.sources.contains(s));
         let sources = |s: &Source| delay.as_ref() == Some(s) || in_laws(s);
         for s in symbols.iter().filter(|s| !matches!(s.source, Source::Constant(_))) {

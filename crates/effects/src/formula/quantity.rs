@@ -129,6 +129,16 @@ fn of_joint(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
 }
 
 impl Quantity {
+    /// Name of a time that counts from or to an end of the stretch.
+    pub(super) fn counts_from_an_end(self) -> Option<&'static str> {
+        match self {
+            Self::SinceTakeOff => Some("since_start"),
+            Self::SinceTouchDown => Some("since_landing"),
+            Self::ToEnd => Some("to_end"),
+            _ => None,
+        }
+    }
+
     /// Value of the quantity at a place in a frame.
     pub(super) fn value(self, f: &EffectFrame<'_>, place: &Place, axes: FormulaAxes) -> f64 {
         let link = &f.links[place.link];

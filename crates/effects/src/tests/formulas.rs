@@ -144,6 +144,43 @@ fn a_delayed_law_follows_the_motion_of_an_earlier_frame() {
     });
 }
 
+/// Where frames are missing, the motion is between the known frames on both sides.
+#[test]
+fn a_delay_reaches_across_missing_frames() {
+    let mut fixture = Fixture::new(true);
+    // a gap of six frames before the span, which begins at frame 20, and one of five within it
+    let nq = fixture.motion.nq;
+    for frame in (12..18).chain(60..65) {
+        fixture.motion.q[frame * nq..(frame + 1) * nq].fill(f64::NAN);
+    }
+    fixture.with(|series| {
+        let i = series.index_of(70).unwrap();
+        // 40 ms are eight frames: 62 is between 59 and 65
+        let [(before, first), (after, second)] = series.earlier(i, 0.04);
+        assert_eq!((before.frame, after.frame), (59, 65));
+        assert!((first - 0.5).abs() < 1e-9 && (second - 0.5).abs() < 1e-9, "{first} {second}");
+        // before the span only the frames after its last gap are known
+        let i = series.index_of(21).unwrap();
+        let [(oldest, share), _] = series.earlier(i, 0.2);
+        assert_eq!((oldest.frame, share), (18, 1.0));
+    });
+}
+
+/// Times since take-off, since landing and until the end are not known of the motion before a span.
+#[test]
+fn a_delayed_law_cannot_depend_on_when_the_stretch_began() {
+    let fixture = Fixture::new(true);
+    for name in ["since_start", "since_landing", "to_end"] {
+        let mut effect = sail();
+        effect.force = Some([format!("-c*speed*v_x*exp(-{name}/late)"), "0".into(), "0".into()]);
+        effect.constants.push(FormulaConstant { name: "late".into(), unit: "s".into(), value: 0.1 });
+        assert!(effect.compile(&fixture.scene).is_ok());
+        effect.delay = Some("late".into());
+        let told = effect.compile(&fixture.scene).unwrap_err().to_string();
+        assert!(told.contains(&format!("a law with a delay cannot depend on `{name}`")), "{told}");
+    }
+}
+
 /// A law with definitions is the law with what they stand for.
 #[test]
 fn definitions_stand_for_their_formulas() {
