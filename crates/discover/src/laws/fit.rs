@@ -72,7 +72,8 @@ impl Fitted {
         session.series.iter().flatten().zip(in_use).map(|(s, used)| if used { of(s) } else { Vec::new() }).collect()
     }
 
-    /// True if place, direction and variables are those of another law, and both or neither are late.
+    /// True if place, direction and variables are those of another law, and both or neither are
+    /// late.
     pub fn is_like(&self, other: &Self) -> bool {
         let of = |f: &Self| {
             let variables: Vec<Variable> = f.law.factors.iter().map(|f| f.variable).collect();
