@@ -90,9 +90,9 @@ impl HeldOutResult {
         beyond && self.times_floor() > NEAR_TIMES_FLOOR && !self.is_above()
     }
 
-    /// True if the error exceeds 1.2 times the floor, the upper end of the floor's interval, and what
-    /// the errors of the parameters account for: effects on a rigid body in many flights have not
-    /// reached the floor, in which there is no soft tissue.
+    /// True if the error exceeds 1.2 times the floor, the upper end of the floor's interval, and
+    /// what the errors of the parameters account for: effects on a rigid body in many flights have
+    /// not reached the floor, in which there is no soft tissue.
     pub(crate) fn is_not_reached(&self) -> bool {
         let most = self.most(f64::INFINITY).max(WORTH_A_SEARCH * self.noise_floor);
         self.noise_floor > 0.0 && self.held_out_error > most
