@@ -121,7 +121,8 @@ pub(crate) fn look_beyond(
     out.against = against;
     let rigid = session.prior.is_none();
     let in_flight = rigid && kept.iter().any(|v| v.effect.acts().in_flight());
-    let refuted_alone = out.is_of_another_form(rigid) || out.leaves_too_much(left[0], in_flight);
+    let refuted_alone =
+        out.is_of_another_form(rigid) || out.leaves_too_much(session.model_error[0], left[0], in_flight);
     let open = out.open.insert(made);
     let staged = where_they_act(session, open).map(|s| s.errors);
     open.times_floor_in_contact = staged.and_then(|s| s[1]).map(|e| e.times_floor()).filter(|t| t.is_finite());
@@ -206,11 +207,18 @@ impl Discovery {
     }
 
     /// True if named effects on a rigid body leave more in many flights than the right ones would:
-    /// no soft tissue is in the floor. `left` is what they leave.
-    pub(crate) fn leaves_too_much(&self, left: Option<HeldOutResult>, rigid: bool) -> bool {
+    /// no soft tissue is in the floor. Of a strong effect a little is left by its own
+    /// simplification. `before` and `left` are the errors without and with them.
+    pub(crate) fn leaves_too_much(
+        &self,
+        before: Option<HeldOutResult>,
+        left: Option<HeldOutResult>,
+        rigid: bool,
+    ) -> bool {
         let named = matches!(self.verdict, Verdict::Supported | Verdict::OneOf);
         let flights = |r: &Round| r.judged_on == wording::domain(Domain::Flight) && r.clusters >= MANY_CLUSTERS;
-        rigid && named && self.rounds.iter().any(flights) && left.is_some_and(|s| s.is_not_reached())
+        let more = before.zip(left).is_some_and(|(before, left)| left.is_not_reached_from(before.held_out_error));
+        rigid && named && self.rounds.iter().any(flights) && more
     }
 }
 

@@ -310,13 +310,11 @@ pub(crate) fn conclude(
         let refuted = contradicted.is_some() && in_doubt.is_empty();
         look_beyond(session, accepted, effects, &kept, &in_doubt, refuted, &left, &mut out, until, options);
     }
-    let far = far.or_else(|| {
-        let after = left[0].filter(|_| out.leaves_too_much(left[0], rigid))?;
-        Some((wording::domain(Domain::Flight), after))
-    });
+    let too_much = out.leaves_too_much(model_error, left[0], rigid);
+    let far = far.or_else(|| Some((wording::domain(Domain::Flight), left[0].filter(|_| too_much)?)));
     // the force of one effect acts, and its law is another one
     let another_form = out.is_of_another_form(rigid).then(|| wording::of_another_form(&out, left[0]));
-    if another_form.is_some() || out.leaves_too_much(left[0], rigid) {
+    if another_form.is_some() || too_much {
         out.verdict = Verdict::Unexplained;
         out.effects.clear();
         out.groups.clear();

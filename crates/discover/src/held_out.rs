@@ -91,11 +91,12 @@ impl HeldOutResult {
     }
 
     /// True if the error exceeds 1.2 times the floor, the upper end of the floor's interval, and
-    /// what the errors of the parameters account for: effects on a rigid body in many flights have
-    /// not reached the floor, in which there is no soft tissue.
-    pub(crate) fn is_not_reached(&self) -> bool {
+    /// what the errors of the parameters account for, by more than 1 % (mean squares) of what
+    /// effects removed of the error `before`, N.
+    pub(crate) fn is_not_reached_from(&self, before: f64) -> bool {
         let most = self.most(f64::INFINITY).max(WORTH_A_SEARCH * self.noise_floor);
-        self.noise_floor > 0.0 && self.held_out_error > most
+        let [left, removed] = [(self.held_out_error, most), (before, self.held_out_error)].map(|(a, b)| a * a - b * b);
+        self.noise_floor > 0.0 && left > LACK_OF_FIT * removed.max(0.0)
     }
 
     /// True if the error exceeds 1.5 times the floor, the upper end of the floor's interval, and
@@ -124,7 +125,7 @@ mod tests {
     fn a_floor_is_reached_within_its_interval_and_what_parameters_leave() {
         let of = |held_out_error, ci, by_parameters| {
             let noise_floor_ci95 = Some([0.8, ci]);
-            HeldOutResult { held_out_error, noise_floor: 1.0, noise_floor_ci95, by_parameters }.is_not_reached()
+            HeldOutResult { held_out_error, noise_floor: 1.0, noise_floor_ci95, by_parameters }.is_not_reached_from(2.0)
         };
         assert!(of(1.25, 1.15, None));
         assert!(!of(1.18, 1.15, None));
@@ -132,6 +133,9 @@ mod tests {
         assert!(!of(1.25, 1.15, Some(1.4)) && of(1.45, 1.15, Some(1.4)));
         let unknown =
             HeldOutResult { held_out_error: 9.0, noise_floor: 1.0, noise_floor_ci95: None, by_parameters: None };
-        assert!(!unknown.is_not_reached());
+        assert!(!unknown.is_not_reached_from(20.0));
+        // of an effect that raises the error to 44 times the floor, 2.2 floors are little
+        let strong = HeldOutResult { held_out_error: 2.2, noise_floor_ci95: Some([0.8, 1.2]), ..unknown };
+        assert!(!strong.is_not_reached_from(44.0) && strong.is_not_reached_from(10.0));
     }
 }
