@@ -344,7 +344,7 @@ impl<'a> Series<'a> {
     /// frame is missing there; before the first frame that is known, it is that frame. Frames
     /// before the span have no plates and no times since take-off or touch-down.
     pub fn earlier(&self, i: usize, delay_s: f64) -> [(EffectFrame<'_>, f64); 2] {
-        // a number that is none is no delay
+        // NaN counts as no delay
         let delay_s = if delay_s > 0.0 { delay_s.min(LEAD_IN_S) } else { 0.0 };
         let wanted = self.frames[i] as f64 - delay_s * self.rate_hz;
         let span = self.span_of[i];

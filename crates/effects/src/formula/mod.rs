@@ -24,7 +24,7 @@
 //! ```
 //!
 //! A law that acts late has a `delay`, the name of a parameter or constant in s: its formulas then
-//! have the values that they had so much earlier ([`Series::earlier`]). The force acts where the
+//! have the values that they had that long ago ([`Series::earlier`]). The force acts where the
 //! point is now; components along the axes of the link turn with it. Such a law cannot depend on
 //! `since_start`, `since_landing` and `to_end`, which are not known of the motion before a stretch.
 //!
