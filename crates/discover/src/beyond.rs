@@ -6,12 +6,12 @@ use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
 use crate::laws::{Direction, Doubted, FormLimits, FoundLaw, Line, OpenWorld};
-use crate::only_as_limit::{has_unknown_place, is_far_away};
+use crate::only_as_limit::{has_unknown_place, is_far_away, may_be_late};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::refused::Refused;
-use crate::result::{AgainstLaw, Discovery, MANY_CLUSTERS, Round, Verdict};
+use crate::result::{AgainstLaw, Discovery, Found, MANY_CLUSTERS, Round, Verdict};
 use crate::session::Session;
 use crate::sizes::predicts_as_well;
 use crate::wording;
@@ -47,24 +47,41 @@ pub(crate) fn look_beyond(
     // an effect with the wrong law can fit flights and leave contact far above its floor
     let acting = kept.iter().any(|v| v.effect.acts().in_flight() && v.effect.acts().in_contact());
     let far_in_contact = acting && left[1].as_ref().is_some_and(HeldOutResult::is_far);
-    let with_effects = (named && !kept.is_empty() && !until.is_over())
-        .then(|| {
-            let extra = extra_columns(session, Domain::Flight, accepted, kept, &out.found);
-            Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
-        })
-        .flatten();
+    let problem_with = |kept: &[Variant<'_>], found: &[Found]| {
+        let extra = extra_columns(session, Domain::Flight, accepted, kept, found);
+        Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
+    };
+    let with_effects =
+        (named && !kept.is_empty() && !until.is_over()).then(|| problem_with(kept, &out.found)).flatten();
     let limits = FormLimits {
         person: options.belief_kinematics,
         noise: left[0].and_then(|s| s.noise_floor_ci95.map(|ci| ci[0] / s.held_out_error)).unwrap_or(0.0),
-        removed: session.model_error[0]
-            .zip(left[0])
-            .map_or(0.0, |(before, after)| (before.held_out_error / after.held_out_error).powi(2) - 1.0),
+        removed: {
+            let rows = (out.held_out_error, out.held_out_error_after);
+            let both = session.model_error[0].zip(left[0]);
+            let (before, after) = both.map_or(rows, |(b, a)| (b.held_out_error, a.held_out_error));
+            (before / after).powi(2) - 1.0
+        },
     };
-    out.misfit = with_effects
-        .as_ref()
-        .and_then(|problem| crate::laws::misfit(session, problem, kept, &out.found, &limits, options.seed));
+    let misfit = |problem: &Problem, kept: &[Variant<'_>], found: &[Found]| {
+        crate::laws::misfit(session, problem, kept, found, &limits, options.seed)
+    };
+    out.misfit = with_effects.as_ref().and_then(|problem| misfit(problem, kept, &out.found));
+    // one effect of which the answer names several is compared as each of them
+    let others = match (kept, &out.groups[..]) {
+        ([one], [_]) if named => other_members(session, effects, one, out),
+        _ => Vec::new(),
+    };
+    if let (Some(of_found), [_]) = (&mut out.misfit, kept) {
+        let has_one = |(v, f): &(Variant<'_>, Found)| {
+            let (v, f) = (std::slice::from_ref(v), std::slice::from_ref(f));
+            problem_with(v, f).is_some_and(|problem| misfit(&problem, v, f).is_some())
+        };
+        of_found.of_all_named = session.prior.is_none() && others.iter().all(has_one);
+    }
     // an anchor at the end of the range, or beyond any wall, is a sign of another law
     let far_away = kept.iter().any(|v| is_far_away(session, v));
+    let late = kept.iter().any(|v| may_be_late(session, v));
     let remains = left[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
     let several_above = several && session.model_error[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
     // an effect that stands in for a law of another form can reach a wide interval of the floor;
@@ -74,7 +91,7 @@ pub(crate) fn look_beyond(
     let above = |s: &HeldOutResult| s.may_hide_more() || compared_there && s.times_floor() > 1.0;
     // so is an anchor whose place the recordings do not show
     let unknown_place = kept.iter().zip(&out.found).any(|(v, f)| has_unknown_place(session, v, &f.nonlinear));
-    let may_hide = far_away || unknown_place || above_in_contact || left[0].as_ref().is_some_and(above);
+    let may_hide = far_away || late || unknown_place || above_in_contact || left[0].as_ref().is_some_and(above);
     let hides = far_in_contact || with_effects.is_some() && may_hide;
     // a floor that is known roughly can hide a law, too; on people it is often wide
     let may_hide_in_floor =
@@ -96,15 +113,18 @@ pub(crate) fn look_beyond(
     let ratio = (out.held_out_error_after / out.held_out_error).min(single);
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
     let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
-    let of_another_form = out.misfit.is_some() || far_away;
+    // of several that are named each has to be in doubt
+    let refuted_form = out.misfit.as_ref().is_some_and(|m| m.of_all_named || others.is_empty());
+    let of_another_form = refuted_form || far_away || late;
     // on people errors that repeat change the strength of right effects, too
-    let by_form = out.misfit.is_some() && session.prior.is_none();
+    let by_form = refuted_form && session.prior.is_none();
     let doubt = |p: Problem| Doubted { errors: p.folds.iter().map(|f| f.error).collect(), by_form };
     let doubted = with_effects.filter(|_| of_another_form).map(doubt);
     let within_floor = hides && !of_another_form && !remains && !several_above;
-    // one effect of which the answer names several is compared as each of them
-    let members = match (kept, &out.groups[..]) {
-        ([one], [_]) if named => members(session, effects, one, out),
+    let members = match kept {
+        [one] if named && out.groups.len() == 1 => {
+            std::iter::once(one).chain(others.iter().map(|(v, _)| v)).cloned().collect()
+        }
         _ => in_doubt.to_vec(),
     };
     let rival = crate::laws::Rivals {
@@ -122,7 +142,7 @@ pub(crate) fn look_beyond(
     let rigid = session.prior.is_none();
     let in_flight = rigid && kept.iter().any(|v| v.effect.acts().in_flight());
     let refuted_alone =
-        out.is_of_another_form(rigid) || out.leaves_too_much(session.model_error[0], left[0], in_flight);
+        out.is_of_another_form() || out.leaves_too_much(session.model_error[0], left[0], in_flight);
     let open = out.open.insert(made);
     let staged = where_they_act(session, open).map(|s| s.errors);
     open.times_floor_in_contact = staged.and_then(|s| s[1]).map(|e| e.times_floor()).filter(|t| t.is_finite());
@@ -199,11 +219,12 @@ pub(crate) fn look_beyond(
 }
 
 impl Discovery {
-    /// True if the one effect that is named has another form than its law says: something acts
-    /// like it, and what is not known. On people errors that repeat change the strength of right
-    /// effects.
-    pub(crate) fn is_of_another_form(&self, rigid: bool) -> bool {
-        rigid && self.misfit.is_some() && self.verdict == Verdict::Supported && self.found.len() == 1
+    /// True if the one effect that is missing, or each of those of which it is one, has another form
+    /// than its law says: something acts like it, and what is not known. On people errors that
+    /// repeat change the strength of right effects.
+    pub(crate) fn is_of_another_form(&self) -> bool {
+        let named = matches!(self.verdict, Verdict::Supported | Verdict::OneOf);
+        named && self.found.len() == 1 && self.misfit.as_ref().is_some_and(|m| m.of_all_named)
     }
 
     /// True if named effects on a rigid body leave more in many flights than the right ones would:
@@ -222,19 +243,17 @@ impl Discovery {
     }
 }
 
-/// The effect found and the others that the answer names in its place, with the values of their own
-/// fits.
-fn members<'a>(
+/// The effects that the answer names in place of the one found, with the values of their own fits.
+fn other_members<'a>(
     session: &Session<'_>,
     effects: &[&'a dyn Effect],
     found: &Variant<'a>,
     out: &Discovery,
-) -> Vec<Variant<'a>> {
+) -> Vec<(Variant<'a>, Found)> {
     let id = found.effect.id();
     let rounds = out.rounds.iter().filter(|r| !r.superseded && r.joined.iter().any(|j| j == id));
     let named = rounds.flat_map(|r| r.candidates.iter().filter(|c| r.effects.contains(&c.effect) && c.effect != id));
-    let others = named.filter_map(|c| Variant::of_candidate(session, effects, c));
-    std::iter::once(found.clone()).chain(others).collect()
+    named.filter_map(|c| Some((Variant::of_candidate(session, effects, c)?, Found::of(c)))).collect()
 }
 
 /// Errors with the laws of a search in the model, by the stages. Laws are fitted to flights; if

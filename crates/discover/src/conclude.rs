@@ -6,6 +6,7 @@ use crate::candidate::Variant;
 use crate::held_out::{HeldOutResult, LACK_OF_FIT};
 use crate::judge::may_be_zero;
 use crate::ladder::extra_columns;
+use crate::only_as_limit::delay_or_wind;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
@@ -313,7 +314,11 @@ pub(crate) fn conclude(
     let too_much = out.leaves_too_much(model_error, left[0], rigid);
     let far = far.or_else(|| Some((wording::domain(Domain::Flight), left[0].filter(|_| too_much)?)));
     // the force of one effect acts, and its law is another one
-    let another_form = out.is_of_another_form(rigid).then(|| wording::of_another_form(&out, left[0]));
+    let another_form = out.is_of_another_form().then(|| wording::of_another_form(&out, left[0]));
+    let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
+    let mut winds = kept.iter().zip(&out.found).filter(|_| named);
+    let late = winds.find_map(|(v, f)| delay_or_wind(session, v, &f.nonlinear));
+    let another_form = another_form.or_else(|| Some(wording::wind_or_late(&out, left[0], late?)));
     if another_form.is_some() || too_much {
         out.verdict = Verdict::Unexplained;
         out.effects.clear();

@@ -20,6 +20,7 @@ use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use aloft_body::Phi;
 use aloft_effects::{About, Coefficient, Columns, Effect, NonlinearParameter, ParameterKind, Scene, Series, Target};
+use nalgebra::Vector3;
 
 /// Number of starts that are fitted, besides that of the fit in the whole range.
 const STARTS: usize = 3;
@@ -78,6 +79,48 @@ pub(crate) fn is_far_away(session: &Session<'_>, variant: &Variant<'_>) -> bool 
         (x - middle).abs() > half
     };
     variant.fitted > 0 && variant.nonlinear.iter().zip(&bounds).any(|(x, b)| is_far(b) && beyond(x, b))
+}
+
+/// The delay, s, at which a resistance in still air looks like the velocity of the world that was
+/// fitted, a wind, in free flight; none if the wind is nearer to level than to straight down. The
+/// velocity of a moment ago differs from that of now by the acceleration of the fall.
+fn as_delay(session: &Session<'_>, variant: &Variant<'_>) -> Option<f64> {
+    let mut velocity = Vector3::zeros();
+    let bounds = variant.effect.nonlinear(session.scene, variant.target);
+    for (x, b) in variant.nonlinear.iter().zip(&bounds) {
+        if let (ParameterKind::VectorInWorld(axis), "m/s") = (b.kind, b.unit.as_str()) {
+            velocity[axis] = *x;
+        }
+    }
+    let gravity = session.scene.model.gravity_mps2;
+    let down = velocity.dot(&gravity) / gravity.norm();
+    let is_steep = variant.fitted > 0 && down > 0.0 && 2.0 * down * down > velocity.norm_squared();
+    is_steep.then(|| down / gravity.norm())
+}
+
+/// True if a wind was fitted that blows down more than along the ground: a law that acts late may be
+/// what acts.
+pub(crate) fn may_be_late(session: &Session<'_>, variant: &Variant<'_>) -> bool {
+    as_delay(session, variant).is_some()
+}
+
+/// The delay, s, of a resistance that flights hardly tell from a wind straight down: one whose
+/// level components may be zero, and whose other one may not. `nonlinear` are the estimates of the
+/// effect's nonlinear unknowns.
+pub(crate) fn delay_or_wind(session: &Session<'_>, variant: &Variant<'_>, nonlinear: &[Estimate]) -> Option<f64> {
+    /// Share of gravity along an axis above which the axis is not level.
+    const LEVEL: f64 = 0.1;
+    let delay = as_delay(session, variant)?;
+    let down = session.scene.model.gravity_mps2.normalize();
+    let bounds = variant.effect.nonlinear(session.scene, variant.target);
+    let straight = bounds.iter().zip(nonlinear).all(|(b, e)| match (b.kind, b.unit.as_str()) {
+        (ParameterKind::VectorInWorld(axis), "m/s") => {
+            let may_be_zero = e.ci95.is_none_or(|[low, high]| low <= 0.0 && 0.0 <= high);
+            may_be_zero == (down[axis].abs() < LEVEL)
+        }
+        _ => true,
+    });
+    straight.then_some(delay)
 }
 
 /// True if the interval of a place in the world reaches beyond the range in which it is sought: the

@@ -324,7 +324,8 @@ pub struct Discovery {
     /// Data that were left out, with the reason.
     pub warnings: Vec<String>,
     /// An effect found whose strength depends on something in another way than its law says; null
-    /// where nothing shows that. On a rigid body a single effect with a misfit is not named.
+    /// where nothing shows that. On a rigid body a single effect with a misfit is not named, nor
+    /// are several of which one is missing if each has one.
     #[serde(default)]
     pub misfit: Option<Misfit>,
     /// The effects that are named beside the best law beyond the catalogue; null where no such law
@@ -369,13 +370,17 @@ pub struct Misfit {
     pub effect: String,
     /// Link whose motion the variable describes, or `body`.
     pub carrier: String,
-    /// Variable, as formulas name it.
+    /// Variable, as formulas name it; `strength` if the effect's force grows with another power of
+    /// its own strength, or otherwise bends.
     pub variable: String,
     /// Held-out error with the effect's force times a free curve of the variable, over that with
     /// the effect alone.
     pub held_out_ratio: f64,
     /// Probability that the best variable does as well under random signs of flights or trials.
     pub family_wise_p: f64,
+    /// True if every effect that is named, or could be named in its place, has a misfit.
+    #[serde(default)]
+    pub of_all_named: bool,
     /// In words.
     pub text: String,
 }
@@ -407,6 +412,20 @@ pub struct Found {
 }
 
 impl Found {
+    /// A candidate of a round as the effect of a model.
+    pub(crate) fn of(c: &Candidate) -> Self {
+        Self {
+            effect: c.effect.clone(),
+            key: c.key.clone(),
+            target: c.target,
+            nonlinear: c.nonlinear.clone(),
+            coefficients: c.coefficients.clone(),
+            trials: c.trials.clone(),
+            also_on: Vec::new(),
+            sized_with_contact: false,
+        }
+    }
+
     /// Other links on which it explains as much, in words; none if the recordings tell its link.
     pub fn other_links(&self) -> Option<String> {
         let names: Vec<String> = self.also_on.iter().map(|name| format!("`{name}`")).collect();

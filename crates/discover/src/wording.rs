@@ -278,10 +278,25 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> Strin
 
 /// The answer where the strength of the one effect found does not follow its law.
 pub(crate) fn of_another_form(d: &Discovery, left: Option<HeldOutResult>) -> String {
+    let why = d.misfit.as_ref().map_or("", |m| m.text.as_str());
+    format!("unexplained: {}, but {why}", lowered(d, left))
+}
+
+/// The answer where a wind straight down is as likely as a resistance that acts `delay_s` late.
+pub(crate) fn wind_or_late(d: &Discovery, left: Option<HeldOutResult>, delay_s: f64) -> String {
+    format!(
+        "unexplained: {}, but its wind blows straight down: a resistance that acts {:.0} ms late looks the same in free \
+         flight; throws in which the body turns faster tell the two apart",
+        lowered(d, left),
+        1e3 * delay_s
+    )
+}
+
+/// "`wind[links]` lowers the held-out error in flight to 1.1 times its floor".
+fn lowered(d: &Discovery, left: Option<HeldOutResult>) -> String {
     let times = left.map_or(String::new(), |s| format!(" to {} times its floor", digits(s.times_floor(), 2)));
     let found: Vec<String> = d.found.iter().map(|f| f.key.clone()).collect();
-    let why = d.misfit.as_ref().map_or("", |m| m.text.as_str());
-    format!("unexplained: {} lowers the held-out error in flight{times}, but {why}", list(&found))
+    format!("{} lowers the held-out error in flight{times}", list(&found))
 }
 
 /// The result with that of the search beyond the catalogue; `far` if the words say already that the

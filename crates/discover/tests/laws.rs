@@ -361,6 +361,51 @@ fn an_effect_whose_form_is_refuted_is_not_named() {
     assert_eq!(law.variables, ["speed"]);
 }
 
+/// A drag of one link along the velocity of its point relative to a wind, times a function of the
+/// speed.
+fn drag(strength: &str, wind: [f64; 3]) -> FormulaEffect {
+    let [x, y, z] = wind.map(|w| if w == 0.0 { String::new() } else { format!("-({w})*one") });
+    let speed = format!("sqrt((v_x{x})^2+(v_y{y})^2+(v_z{z})^2)");
+    let of = strength.replace("speed", &speed);
+    formula(&format!(
+        "id: hidden\npoint: {{link: link0, position_m: [-0.04, 0.2, 0.03]}}\n\
+         force: ['-c*(v_x{x})*{of}', '-c*(v_y{y})*{of}', '-c*(v_z{z})*{of}']\n\
+         coefficients: [{{name: c, unit: N*s/m}}]\nconstants: [{{name: one, unit: m/s, value: 1}}]"
+    ))
+}
+
+/// A drag that begins at 1 m/s fits `quadratic_drag` nearly as well; with the power 1.5 two drags
+/// do. The strength of each grows in another way, which its own point shows.
+#[test]
+fn an_effect_whose_strength_grows_in_another_way_is_not_named() {
+    for (name, strength) in [("begins at 1 m/s", "0.5*(speed/one-1+abs(speed/one-1))*one/speed"), ("power 1.5", "(speed/one)^0.5")] {
+        let (d, _) = lab(7).find(Some((&drag(strength, [0.0; 3]), 3.0)));
+        report(name, &d);
+        assert_eq!((d.verdict, d.effects.len()), (Verdict::Unexplained, 0), "{name}: {}", d.words);
+        let law = &d.open.as_ref().unwrap().laws[0];
+        assert_eq!((law.carrier.as_str(), law.direction), ("link0", Direction::AgainstVelocity), "{}", law.text);
+        assert_eq!(law.variables, ["speed"], "{}", law.text);
+    }
+}
+
+/// In free flight a drag that acts late looks like a wind straight down, which is therefore not
+/// named; a level wind is.
+#[test]
+fn a_wind_straight_down_may_be_a_drag_that_acts_late() {
+    let (level, _) = lab(7).find(Some((&drag("speed/one", [1.5, 0.0, 0.0]), 4.0)));
+    assert!(level.effects.iter().any(|e| e == "wind"), "{}", level.words);
+    let (down, _) = lab(7).find(Some((&drag("speed/one", [0.0, 0.0, -0.6]), 4.0)));
+    report("a wind straight down", &down);
+    assert_eq!((down.verdict, down.effects.len()), (Verdict::Unexplained, 0), "{}", down.words);
+    if down.open.as_ref().is_none_or(|o| o.laws.is_empty()) {
+        assert!(down.words.contains("blows straight down") && down.words.contains("ms late"), "{}", down.words);
+    }
+    let [weak, late] = [2.0, 4.0].map(|strength| lab(7).find(Some((&formula(CASES[12].yaml), strength))).0);
+    report("a drag that acts late", &late);
+    assert_ne!(weak.verdict, Verdict::Supported, "{}", weak.words);
+    assert_eq!((late.verdict, late.effects.len()), (Verdict::Unexplained, 0), "{}", late.words);
+}
+
 #[test]
 fn a_listed_effect_is_named_as_itself() {
     let drag = formula(

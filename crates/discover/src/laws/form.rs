@@ -7,6 +7,10 @@
 //! magnitude in its logarithm. If the best of these products lowers the held-out error by more than
 //! random signs of the clusters do for the best of them, the strength depends on something in
 //! another way than the law says.
+//!
+//! On a rigid body the effect's own strength is asked first, as a family of its own: the force
+//! times the logarithm of its strength, the first change of a power, and times its square. It needs
+//! no variable, knows the point at which the force acts, and has one or two columns.
 
 use super::atlas::{PlaceFrames, SPLINES, carriers, columns, range_of, splines, stride};
 use super::evidence::Evidence;
@@ -64,15 +68,19 @@ pub(crate) fn misfit(
     }
     let session = &session.in_flight();
     let evidence = Evidence::new(problem, DRAWS, seed)?;
+    let in_flight = kept.iter().zip(found).filter(|(v, _)| v.effect.acts().in_flight() && v.effect.has_wrench());
+    if session.prior.is_none() {
+        let own = in_flight.clone().filter_map(|(v, f)| own_misfit(session, problem, &evidence, v, f, limits));
+        if let Some(strongest) = own.min_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio)) {
+            return Some(strongest);
+        }
+    }
     let stride = stride(session);
     // where small gains count, one column shows a smooth change more clearly than a curve
     let slopes = session.prior.is_none();
     let mut null = vec![1.0_f64; DRAWS];
     let mut best: Option<(f64, String, Carrier, Variable)> = None;
-    for (variant, found) in kept.iter().zip(found) {
-        if !(variant.effect.acts().in_flight() && variant.effect.has_wrench()) {
-            continue;
-        }
+    for (variant, found) in in_flight {
         let unit = force_of(session, variant, found);
         let score = |choice: &CurveCandidate, weight: Vec<Vec<f64>>, nb: usize| {
             let made = columns(session, problem, &unit, &weight, nb, stride);
@@ -110,19 +118,81 @@ pub(crate) fn misfit(
         }
     }
     let (ratio, effect, carrier, variable) = best?;
-    let as_good = null.iter().filter(|x| **x <= ratio).count();
-    let p = (as_good + 1) as f64 / (DRAWS + 1) as f64;
     let limit = if session.prior.is_some() { limits.person } else { LEAVES };
+    let p = limits.refutes(ratio, &null).filter(|_| ratio.sqrt() < limit)?;
     let place = carrier.name(session.scene);
-    let is_small = 1.0 - ratio < OF_REMOVED * limits.removed;
-    (p < SIGNIFICANT && ratio.sqrt() < limit && !is_small).then(|| Misfit {
+    Some(Misfit {
         text: super::wording::misfit(session.scene, &effect, &place, variable, p),
         effect,
         carrier: place,
         variable: variable.formula(session.scene),
         held_out_ratio: ratio.sqrt(),
         family_wise_p: p,
+        of_all_named: false,
     })
+}
+
+impl FormLimits {
+    /// The probability by chance of a product that leaves the share `ratio` of the squared error,
+    /// where `null` are the shares under random signs; none if it is no reason for doubt.
+    fn refutes(&self, ratio: f64, null: &[f64]) -> Option<f64> {
+        let as_good = null.iter().filter(|x| **x <= ratio).count();
+        let p = (as_good + 1) as f64 / (null.len() + 1) as f64;
+        let is_small = 1.0 - ratio < OF_REMOVED * self.removed;
+        (p < SIGNIFICANT && !is_small).then_some(p)
+    }
+}
+
+/// Doubt that the strength of an effect grows as its law says, from its own strength.
+fn own_misfit(
+    session: &Session<'_>,
+    problem: &Problem,
+    evidence: &Evidence,
+    variant: &Variant<'_>,
+    found: &Found,
+    limits: &FormLimits,
+) -> Option<Misfit> {
+    let unit = force_of(session, variant, found);
+    let own = logarithm(&unit)?;
+    let score = |weight: &[Vec<f64>], nb: usize| {
+        let made = columns(session, problem, &unit, weight, nb, stride(session));
+        let usable = made.iter().all(|c| c.iter().all(|x| x.is_finite()));
+        let all: Vec<usize> = (0..nb).collect();
+        usable.then(|| evidence.score(&evidence.prepare(&made, nb), &all)).flatten()
+    };
+    let with_square: Vec<Vec<f64>> = own.iter().map(|t| t.iter().flat_map(|x| [*x, x * x]).collect()).collect();
+    let [power, bent] = [score(&own, 1)?, score(&with_square, 2)?];
+    let null: Vec<f64> = power.null.iter().zip(&bent.null).map(|(a, b)| a.min(*b)).collect();
+    let ratio = power.ratio.min(bent.ratio);
+    let p = limits.refutes(ratio, &null).filter(|_| ratio.sqrt() > limits.noise)?;
+    let carrier = match variant.target {
+        Target::Link(i) => Carrier::Link(i),
+        _ => Carrier::Body,
+    };
+    Some(Misfit {
+        text: super::wording::own_misfit(&found.key, p),
+        effect: found.key.clone(),
+        carrier: carrier.name(session.scene),
+        variable: "strength".to_owned(),
+        held_out_ratio: ratio.sqrt(),
+        family_wise_p: p,
+        of_all_named: false,
+    })
+}
+
+/// Logarithm of the strength of a force, of a couple without force, over its largest value, by
+/// series; none of a force that is zero everywhere.
+fn logarithm(unit: &[Vec<Vec<[f64; 6]>>]) -> Option<Vec<Vec<f64>>> {
+    /// Share of the largest strength below which the logarithm stays the same.
+    const LEAST: f64 = 0.02;
+    let norm = |w: &[f64]| w.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let largest = |of: &std::ops::Range<usize>| {
+        unit.iter().flat_map(|t| &t[0]).map(|w| norm(&w[of.clone()])).fold(0.0, f64::max)
+    };
+    let of = [0..3, 3..6].into_iter().find(|of| largest(of) > 0.0)?;
+    let most = largest(&of);
+    let log = |w: &[f64; 6]| (norm(&w[of.clone()]) / most).max(LEAST).ln();
+    Some(unit.iter().map(|t| t[0].iter().map(log).collect()).collect())
 }
 
 /// A straight line in a variable that takes both signs, else in its logarithm: the first change of

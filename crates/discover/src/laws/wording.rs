@@ -154,6 +154,13 @@ pub(crate) fn misfit(scene: &Scene, effect: &str, place: &str, v: Variable, p: f
     )
 }
 
+/// "the strength of `quadratic_drag` does not grow as its law says, …".
+pub(crate) fn own_misfit(effect: &str, p: f64) -> String {
+    format!(
+        "the strength of `{effect}` does not grow as its law says (p = {p:.3}): a force acts there, and the form of its law is not known"
+    )
+}
+
 /// Other links that are not excluded; their number where they are many, as for a couple, which
 /// turns the whole body wherever it acts.
 pub(crate) fn also(names: &[String]) -> String {
