@@ -141,8 +141,7 @@ pub(crate) fn look_beyond(
     out.against = against;
     let rigid = session.prior.is_none();
     let in_flight = rigid && kept.iter().any(|v| v.effect.acts().in_flight());
-    let refuted_alone =
-        out.is_of_another_form() || out.leaves_too_much(session.model_error[0], left[0], in_flight);
+    let refuted_alone = out.is_of_another_form() || out.leaves_too_much(session.model_error[0], left[0], in_flight);
     let open = out.open.insert(made);
     let staged = where_they_act(session, open).map(|s| s.errors);
     open.times_floor_in_contact = staged.and_then(|s| s[1]).map(|e| e.times_floor()).filter(|t| t.is_finite());

@@ -378,7 +378,9 @@ fn drag(strength: &str, wind: [f64; 3]) -> FormulaEffect {
 /// do. The strength of each grows in another way, which its own point shows.
 #[test]
 fn an_effect_whose_strength_grows_in_another_way_is_not_named() {
-    for (name, strength) in [("begins at 1 m/s", "0.5*(speed/one-1+abs(speed/one-1))*one/speed"), ("power 1.5", "(speed/one)^0.5")] {
+    for (name, strength) in
+        [("begins at 1 m/s", "0.5*(speed/one-1+abs(speed/one-1))*one/speed"), ("power 1.5", "(speed/one)^0.5")]
+    {
         let (d, _) = lab(7).find(Some((&drag(strength, [0.0; 3]), 3.0)));
         report(name, &d);
         assert_eq!((d.verdict, d.effects.len()), (Verdict::Unexplained, 0), "{name}: {}", d.words);

@@ -186,9 +186,8 @@ fn logarithm(unit: &[Vec<Vec<[f64; 6]>>]) -> Option<Vec<Vec<f64>>> {
     /// Share of the largest strength below which the logarithm stays the same.
     const LEAST: f64 = 0.02;
     let norm = |w: &[f64]| w.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let largest = |of: &std::ops::Range<usize>| {
-        unit.iter().flat_map(|t| &t[0]).map(|w| norm(&w[of.clone()])).fold(0.0, f64::max)
-    };
+    let largest =
+        |of: &std::ops::Range<usize>| unit.iter().flat_map(|t| &t[0]).map(|w| norm(&w[of.clone()])).fold(0.0, f64::max);
     let of = [0..3, 3..6].into_iter().find(|of| largest(of) > 0.0)?;
     let most = largest(&of);
     let log = |w: &[f64; 6]| (norm(&w[of.clone()]) / most).max(LEAST).ln();

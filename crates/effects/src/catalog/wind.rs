@@ -21,7 +21,8 @@ With few links each has its own area and centre, as in still air.
 
 ## Identifiability
 A body that is slow against the wind feels a constant force: then wind is an exact alias of a tilt of gravity and of a constant force. \
-It contains quadratic drag in still air. Throws with and against the wind at several speeds separate it.
+It contains quadratic drag in still air. Throws with and against the wind at several speeds separate it. \
+A drag that acts a time T late looks in free flight like a wind g T straight down; only turning of the body tells the two apart.
 
 ## References
 Hoerner, Fluid-Dynamic Drag (1965); own simulations.
