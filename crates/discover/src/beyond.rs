@@ -113,8 +113,9 @@ pub(crate) fn look_beyond(
     let ratio = (out.held_out_error_after / out.held_out_error).min(single);
     let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
     let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
-    // of several that are named each has to be in doubt
-    let refuted_form = out.misfit.as_ref().is_some_and(|m| m.of_all_named || others.is_empty());
+    // of several that are named each has to be in doubt; on people that is not asked
+    let alone = session.prior.is_some() || others.is_empty();
+    let refuted_form = out.misfit.as_ref().is_some_and(|m| m.of_all_named || alone);
     let of_another_form = refuted_form || far_away || late;
     // on people errors that repeat change the strength of right effects, too
     let by_form = refuted_form && session.prior.is_none();
@@ -218,9 +219,9 @@ pub(crate) fn look_beyond(
 }
 
 impl Discovery {
-    /// True if the one effect that is missing, or each of those of which it is one, has another form
-    /// than its law says: something acts like it, and what is not known. On people errors that
-    /// repeat change the strength of right effects.
+    /// True if the one effect that is missing, or each of those of which it is one, has another
+    /// form than its law says: something acts like it, and what is not known. On people errors
+    /// that repeat change the strength of right effects.
     pub(crate) fn is_of_another_form(&self) -> bool {
         let named = matches!(self.verdict, Verdict::Supported | Verdict::OneOf);
         named && self.found.len() == 1 && self.misfit.as_ref().is_some_and(|m| m.of_all_named)

@@ -316,7 +316,7 @@ pub(crate) fn conclude(
     // the force of one effect acts, and its law is another one
     let another_form = out.is_of_another_form().then(|| wording::of_another_form(&out, left[0]));
     let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
-    let mut winds = kept.iter().zip(&out.found).filter(|_| named);
+    let mut winds = kept.iter().zip(&out.found).filter(|_| named && asked_for_all);
     let late = winds.find_map(|(v, f)| delay_or_wind(session, v, &f.nonlinear));
     let another_form = another_form.or_else(|| Some(wording::wind_or_late(&out, left[0], late?)));
     if another_form.is_some() || too_much {

@@ -98,8 +98,8 @@ fn as_delay(session: &Session<'_>, variant: &Variant<'_>) -> Option<f64> {
     is_steep.then(|| down / gravity.norm())
 }
 
-/// True if a wind was fitted that blows down more than along the ground: a law that acts late may be
-/// what acts.
+/// True if a wind was fitted that blows down more than along the ground: a law that acts late may
+/// be what acts.
 pub(crate) fn may_be_late(session: &Session<'_>, variant: &Variant<'_>) -> bool {
     as_delay(session, variant).is_some()
 }
