@@ -285,7 +285,7 @@ pub(crate) fn of_another_form(d: &Discovery, left: Option<HeldOutResult>) -> Str
 /// The answer where a wind straight down is as likely as a resistance that acts `delay_s` late.
 pub(crate) fn wind_or_late(d: &Discovery, left: Option<HeldOutResult>, delay_s: f64) -> String {
     format!(
-        "unexplained: {}, but its wind blows straight down: a resistance that acts {:.0} ms late looks the same in free \
+        "unexplained: {}, but the stream of air points straight down: a resistance that acts {:.0} ms late looks the same in free \
          flight; throws in which the body turns faster tell the two apart",
         lowered(d, left),
         1e3 * delay_s

@@ -400,7 +400,7 @@ fn a_wind_straight_down_may_be_a_drag_that_acts_late() {
     report("a wind straight down", &down);
     assert_eq!((down.verdict, down.effects.len()), (Verdict::Unexplained, 0), "{}", down.words);
     if down.open.as_ref().is_none_or(|o| o.laws.is_empty()) {
-        assert!(down.words.contains("blows straight down") && down.words.contains("ms late"), "{}", down.words);
+        assert!(down.words.contains("points straight down") && down.words.contains("ms late"), "{}", down.words);
     }
     let [weak, late] = [2.0, 4.0].map(|strength| lab(7).find(Some((&formula(CASES[12].yaml), strength))).0);
     report("a drag that acts late", &late);
