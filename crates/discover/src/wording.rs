@@ -286,7 +286,7 @@ pub(crate) fn of_another_form(d: &Discovery, left: Option<HeldOutResult>) -> Str
 pub(crate) fn wind_or_late(d: &Discovery, left: Option<HeldOutResult>, delay_s: f64) -> String {
     format!(
         "unexplained: {}, but the stream of air points straight down: a resistance that acts {:.0} ms late looks the same in free \
-         flight; throws in which the body turns faster tell the two apart",
+         flight; throws in which the body turns faster may tell the two apart",
         lowered(d, left),
         1e3 * delay_s
     )
