@@ -17,6 +17,8 @@ pub enum Part {
     WithContact,
     /// Beyond the catalogue: laws are fitted.
     Laws,
+    /// Beyond the catalogue: laws are tried with a delay.
+    Delays,
 }
 
 impl fmt::Display for Part {
@@ -26,6 +28,7 @@ impl fmt::Display for Part {
             Self::Atlas => "links tried beyond the catalogue",
             Self::WithContact => "places tried in flight and contact",
             Self::Laws => "laws tried",
+            Self::Delays => "delays tried",
         })
     }
 }

@@ -496,10 +496,12 @@ impl Session<'_> {
                     let force = Vector3::new(h[0], h[1], h[2]);
                     let moment = Vector3::new(h[3], h[4], h[5]) - at.position.cross(&force);
                     let (f, m) = (force * (psi * windows.force_weight), moment * (psi * windows.moment_weight));
-                    for (x, sum) in weights.iter().zip(sums[d * nb * 6..].chunks_exact_mut(6)) {
-                        for axis in 0..3 {
-                            sum[axis] += x * f[axis];
-                            sum[3 + axis] += x * m[axis];
+                    let h = [f.x, f.y, f.z, m.x, m.y, m.z];
+                    let sums = sums[d * nb * 6..].as_chunks_mut::<6>().0;
+                    // two of the six functions of a curve are zero in every frame
+                    for (x, sum) in weights.iter().zip(sums).filter(|(x, _)| **x != 0.0) {
+                        for (a, b) in sum.iter_mut().zip(&h) {
+                            *a += x * b;
                         }
                     }
                 }
@@ -521,22 +523,29 @@ impl Windows {
     /// `−Σ ψ (f, n₀ − o × f)` in the rows' weights.
     fn apply(&self, series: &Series<'_>, columns: &Columns, rows: &mut DMatrix<f64>) {
         let frames = series.motion_frames();
+        let mut sums = vec![[0.0; 6]; columns.k];
         for (w, (&centre, origin)) in self.centres.iter().zip(&self.origin).enumerate() {
             let first = centre - self.half;
             let Some(start) = series.index_of(first) else { continue };
             // frames ascend: the last one in its place means that none between is missing
             let is_whole = frames.get(start + self.psi.len() - 1) == Some(&(first + self.psi.len() - 1));
             let has = |i: usize| is_whole || frames.get(start + i) == Some(&(first + i));
-            for c in 0..columns.k {
-                let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
-                for (i, (psi, at)) in self.psi.iter().zip(origin).enumerate().filter(|(i, _)| has(*i)) {
-                    let f = columns.force(start + i, c);
-                    force += f * *psi;
-                    moment += (columns.moment(start + i, c) - at.position.cross(&f)) * *psi;
+            sums.fill([0.0; 6]);
+            for (i, (psi, at)) in self.psi.iter().zip(origin).enumerate().filter(|(i, _)| has(*i)) {
+                let o = &at.position;
+                for (sum, h) in sums.iter_mut().zip(columns.wrenches(start + i)) {
+                    let [x, y, z] = [h[0], h[1], h[2]];
+                    let arm = [o.y * z - o.z * y, o.z * x - o.x * z, o.x * y - o.y * x];
+                    for axis in 0..3 {
+                        sum[axis] += h[axis] * psi;
+                        sum[3 + axis] += (h[3 + axis] - arm[axis]) * psi;
+                    }
                 }
+            }
+            for (c, sum) in sums.iter().enumerate() {
                 for axis in 0..3 {
-                    rows[(6 * w + axis, c)] -= self.force_weight * force[axis];
-                    rows[(6 * w + 3 + axis, c)] -= self.moment_weight * moment[axis];
+                    rows[(6 * w + axis, c)] -= self.force_weight * sum[axis];
+                    rows[(6 * w + 3 + axis, c)] -= self.moment_weight * sum[3 + axis];
                 }
             }
         }

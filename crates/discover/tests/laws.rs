@@ -338,6 +338,9 @@ fn what_is_known_is_told_while_the_search_goes_on() {
     let first = |part: Part| heard.iter().position(|(p, _)| *p == Some(part)).unwrap();
     let so_far = heard.iter().position(|(p, _)| p.is_none()).unwrap();
     assert!(first(Part::Catalogue) < so_far && so_far < first(Part::Atlas) && first(Part::Atlas) < first(Part::Laws));
+    // a drag may act late, so that delays are tried, and told one by one
+    let delays = heard.iter().filter(|(p, _)| *p == Some(Part::Delays)).count();
+    assert!(first(Part::Laws) < first(Part::Delays) && delays > 5, "{delays}");
 }
 
 #[test]
@@ -399,8 +402,13 @@ fn a_wind_straight_down_may_be_a_drag_that_acts_late() {
     let (down, _) = lab(7).find(Some((&drag("speed/one", [0.0, 0.0, -0.6]), 4.0)));
     report("a wind straight down", &down);
     assert_eq!((down.verdict, down.effects.len()), (Verdict::Unexplained, 0), "{}", down.words);
-    if down.open.as_ref().is_none_or(|o| o.laws.is_empty()) {
+    let open = down.open.as_ref().unwrap();
+    // what acts is said without a name, too: where, and what it grows with
+    let diagnosis = open.diagnosis.as_ref().unwrap();
+    assert!(diagnosis.text.contains("against the velocity"), "{}", diagnosis.text);
+    if open.laws.is_empty() {
         assert!(down.words.contains("points straight down") && down.words.contains("ms late"), "{}", down.words);
+        assert!(down.words.contains(&diagnosis.text), "{}", down.words);
     }
     let [weak, late] = [2.0, 4.0].map(|strength| lab(7).find(Some((&formula(CASES[12].yaml), strength))).0);
     report("a drag that acts late", &late);

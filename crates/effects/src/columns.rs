@@ -65,6 +65,11 @@ impl Columns {
         let at = 6 * (frame * self.k + column);
         &self.data[at..at + 6]
     }
+    /// The six numbers of every column in a frame.
+    #[inline]
+    pub fn wrenches(&self, frame: usize) -> &[[f64; 6]] {
+        self.data[6 * frame * self.k..6 * (frame + 1) * self.k].as_chunks().0
+    }
     /// Force of a column in a frame.
     #[inline]
     pub fn force(&self, frame: usize, column: usize) -> Vector3<f64> {

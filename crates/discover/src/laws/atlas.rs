@@ -134,8 +134,8 @@ fn range_within(values: &[Vec<f64>], share: f64) -> Option<Range> {
     if all.len() < 20 {
         return None;
     }
-    all.sort_by(f64::total_cmp);
-    let at = |share: f64| all[((all.len() - 1) as f64 * share) as usize];
+    let last = (all.len() - 1) as f64;
+    let mut at = |share: f64| *all.select_nth_unstable_by((last * share) as usize, f64::total_cmp).1;
     let range = Range { low: at(share), high: at(1.0 - share) };
     (range.high - range.low > 1e-9 * (1.0 + range.reach())).then_some(range)
 }

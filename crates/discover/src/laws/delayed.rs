@@ -22,6 +22,10 @@ const WORTH: f64 = 0.85;
 /// Shapes that are fitted with the delay free.
 const SHAPES: usize = 4;
 
+/// Steps of [`delayed`] that are counted: the most that one law takes where no delay is worth more.
+/// What goes beyond is added as it is done.
+pub(super) const LATE_STEPS: usize = 3 * DELAYS_S.len();
+
 /// True for a law of one variable of the motion that follows it at once.
 pub(super) fn may_be_late(law: &Fitted) -> bool {
     let of_motion =
@@ -63,7 +67,11 @@ fn of_variable(session: &Session<'_>, problem: &Problem, law: &Fitted, factor: &
     let own = law.law.parameters_of(&parts)[0];
     let as_it_is = (factor.variable == law.law.factors[0].variable).then_some((factor.shape, own));
     let least = |(shape, parameters): (Shape, &[f64])| {
-        let error = |delay: f64| Some((delay, fitted(start(shape, parameters, delay), 0)?.error()));
+        let error = |delay: f64| {
+            let made = fitted(start(shape, parameters, delay), 0).map(|f| (delay, f.error()));
+            session.counter.one();
+            made
+        };
         let each: Vec<(f64, f64)> = DELAYS_S.into_par_iter().filter_map(error).collect();
         let plain = Law { delayed: false, ..start(shape, parameters, 0.0).0 };
         let at_once = fitted((plain, [place, parameters].concat()), 0).map_or(f64::INFINITY, |f| f.error());
@@ -74,6 +82,7 @@ fn of_variable(session: &Session<'_>, problem: &Problem, law: &Fitted, factor: &
     let Some((delay, _)) = best.min_by(|a, b| a.1.total_cmp(&b.1)) else { return Vec::new() };
     let shapes = Shape::of(factor.variable.is_signed(), false, false);
     let best_start = |shape: Shape| {
+        session.counter.one();
         let starts = shape.starts(factor.range, false);
         let each = starts.iter().filter_map(|p| fitted(start(shape, p, delay), 0));
         each.min_by(|a, b| a.error().total_cmp(&b.error()))
@@ -82,5 +91,10 @@ fn of_variable(session: &Session<'_>, problem: &Problem, law: &Fitted, factor: &
     let mut screened: Vec<Fitted> = plain.filter_map(best_start).collect();
     screened.sort_by(|a, b| a.error().total_cmp(&b.error()));
     screened.truncate(SHAPES);
-    screened.into_par_iter().filter_map(|s| fitted((s.law, s.nonlinear), STEPS)).collect()
+    let fitted_free = |s: Fitted| {
+        let made = fitted((s.law, s.nonlinear), STEPS);
+        session.counter.one();
+        made
+    };
+    screened.into_par_iter().filter_map(fitted_free).collect()
 }

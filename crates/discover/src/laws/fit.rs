@@ -47,9 +47,10 @@ impl Fitted {
         parts: &[&[f64]],
         strengths: &mut Vec<f64>,
     ) -> Vector3<f64> {
+        let parameters = self.law.parameters_of(parts);
         let mut v = Vector3::zeros();
         for (frame, at, share) in then.iter().filter(|(_, _, share)| *share != 0.0) {
-            self.law.strengths(frame, at, anchor, parts, strengths);
+            self.law.strengths(frame, at, anchor, &parameters, strengths);
             let mut i = 0;
             for s in strengths.iter() {
                 for &k in &self.law.components {

@@ -168,26 +168,29 @@ impl Law {
         self.components.len() * self.terms() + self.nonlinear(scene, Target::Body).len()
     }
 
-    /// Values of all linear terms in a frame.
+    /// Values of all linear terms in a frame; `parameters` are those of
+    /// [`parameters_of`](Self::parameters_of).
     pub fn strengths(
         &self,
         frame: &EffectFrame<'_>,
         at: &Instant,
         anchor: &Vector3<f64>,
-        parts: &[&[f64]],
+        parameters: &[&[f64]],
         out: &mut Vec<f64>,
     ) {
         out.clear();
         out.push(1.0);
         let mut values = [0.0; super::shape::KNOTS];
-        for (i, (f, p)) in self.factors.iter().zip(self.parameters_of(parts)).enumerate() {
+        for (i, (f, p)) in self.factors.iter().zip(parameters).enumerate() {
             let n = f.shape.terms();
             let zero = self.zeros.get(i).copied().unwrap_or(0.0);
             f.shape.values(f.variable.value(frame, at, anchor) + zero, p, f.range, &mut values[..n]);
-            let before = out.clone();
-            out.clear();
-            for b in &before {
-                out.extend(values[..n].iter().map(|v| b * v));
+            // every term so far times every one of this factor, from the last one on in its place
+            let before = out.len();
+            out.resize(before * n, 0.0);
+            for b in (0..before).rev() {
+                let term = out[b];
+                out[b * n..(b + 1) * n].iter_mut().zip(&values).for_each(|(x, v)| *x = term * v);
             }
         }
     }
@@ -313,12 +316,13 @@ impl Effect for Law {
     }
     fn evaluate(&self, series: &Series<'_>, _: Target, nonlinear: &[f64], out: &mut Columns) {
         let (point, anchor, parts) = self.divided(nonlinear);
+        let parameters = self.parameters_of(&parts);
         let delay = self.delay(nonlinear);
         let mut strengths = Vec::new();
         for (i, frame) in series.instants() {
             let LawFrame { now, then } = self.at(series, i, &frame, &point, delay);
             for (of, at, share) in then.iter().filter(|(_, _, share)| *share != 0.0) {
-                self.strengths(of, at, &anchor, &parts, &mut strengths);
+                self.strengths(of, at, &anchor, &parameters, &mut strengths);
                 let mut column = 0;
                 for s in &strengths {
                     for &k in &self.components {

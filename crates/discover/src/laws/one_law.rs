@@ -2,7 +2,7 @@
 //! with a second factor where that removes more, or a free curve.
 
 use super::atlas::{ENDS, Group, MANY_LINKS, PlaceFrames, columns, of_clock, stride};
-use super::delayed::{delayed, may_be_late};
+use super::delayed::{LATE_STEPS, delayed, may_be_late};
 use super::evidence::Evidence;
 use super::fit::{self, Fitted};
 use super::kinematics::{Action, Carrier, Variable};
@@ -10,7 +10,7 @@ use super::law::{Factor, Law};
 use super::off_link::{ALSO, on_its_link, on_neighbours};
 use super::shape::{KNOTS, Range, Shape};
 use crate::problem::Problem;
-use crate::progress::Until;
+use crate::progress::{Part, Until};
 use crate::session::Session;
 use rayon::prelude::*;
 
@@ -20,6 +20,8 @@ pub(super) const SIMPLER: f64 = 1.02;
 const PERSON: f64 = 1.11;
 /// A curve is the answer if the best expression leaves this much more error.
 const CURVE: f64 = 1.15;
+/// Most further carriers on which a law with a delay is tried.
+const ELSEWHERE: usize = 3;
 /// A second factor has to leave less than this share of the error.
 const SECOND: f64 = 0.85;
 
@@ -75,9 +77,11 @@ pub(super) fn one_law(
         .collect();
     let waves = laws.iter().filter(|l| wave_of_the_clock(l).is_some()).take(2);
     products.extend(waves.filter(|_| !until.is_over()).filter_map(|l| travelling(session, problem, l)));
-    let at_once = of_places(std::iter::once(&best).chain(&laws).filter(|l| may_be_late(l)));
-    let late: Vec<Fitted> =
-        at_once.iter().filter_map(|base| simplest(&delayed(session, problem, base, until), person).cloned()).collect();
+    let first = best.clone();
+    let at_once = of_places(std::iter::once(&first).chain(&laws).filter(|l| may_be_late(l)));
+    session.counter.begin(Part::Delays, LATE_STEPS * at_once.len());
+    let with_delay = |base: &Fitted| simplest(&delayed(session, problem, base, until), person).cloned();
+    let mut late: Vec<Fitted> = at_once.iter().filter_map(|base| with_delay(base)).collect();
     let least = |laws: &[Fitted]| laws.iter().min_by(|a, b| a.error().total_cmp(&b.error())).cloned();
     // an expression with a delay is simpler than a curve
     let is_curve = best.law.factors.iter().any(|f| f.shape == Shape::Curve);
@@ -88,10 +92,43 @@ pub(super) fn one_law(
     if let Some(law) = further.filter(|l| l.error() < SECOND * SECOND * best.error()) {
         best = law;
     }
+    // without its delay a law can look better on another carrier than on its own
+    if best.law.delayed {
+        let elsewhere = best.law.carrier.others(as_good(&best, &laws, &late).map(|l| l.law.carrier));
+        let like_best = |l: &&Fitted, carrier: Carrier| {
+            l.law.carrier == carrier && l.law.action == best.law.action && l.law.direction == best.law.direction
+        };
+        let untried = elsewhere.into_iter().filter(|c| !at_once.iter().any(|l| like_best(l, *c))).take(ELSEWHERE);
+        let of_variable = |c: Carrier| {
+            let mut there = laws.iter().filter(|l| like_best(l, c));
+            there.find_map(|l| with_only(session, problem, l, best.law.factors[0].variable)).filter(may_be_late)
+        };
+        let bases: Vec<Fitted> = untried.filter(|_| !until.is_over()).filter_map(of_variable).collect();
+        late.extend(bases.iter().filter_map(with_delay));
+        if let Some(law) = least(&late).filter(|l| SIMPLER * SIMPLER * l.error() < best.error()) {
+            best = law;
+        }
+    }
     let best = fit::simplify(session, problem, best);
     let rival = laws.iter().find(|l| !l.is_like(&best)).cloned();
     let also = best.law.carrier.others(as_good(&best, &laws, &late).map(|l| l.law.carrier));
     Some(OneLaw { best, rival, also })
+}
+
+/// The law with its factor of `variable` alone, fitted again; none if it has no such factor, or
+/// depends on a point of the room.
+fn with_only(session: &Session<'_>, problem: &Problem, law: &Fitted, variable: Variable) -> Option<Fitted> {
+    let at = law.law.factors.iter().position(|f| f.variable == variable)?;
+    if law.law.has_anchor() {
+        return None;
+    }
+    if law.law.factors.len() == 1 {
+        return Some(law.clone());
+    }
+    let (_, _, parts) = law.law.divided(&law.nonlinear);
+    let only = Law { factors: vec![law.law.factors[at].clone()], ..law.law.clone() };
+    let start = [&law.nonlinear[..law.law.point_is.unknowns()], parts[at]].concat();
+    fit::fit(session, problem, &only, start, fit::STEPS)
 }
 
 /// Laws that leave hardly more error than the best one. Beside a law with a delay these are laws
@@ -270,7 +307,7 @@ fn second_factor(
     };
     let is_new = |v: Variable| law.law.factors.iter().all(|f| f.variable != v);
     let mut tried: Vec<Second> = Variable::of(scene)
-        .into_iter()
+        .into_par_iter()
         .filter(|v| *v != Variable::None && is_new(*v))
         .filter_map(|variable| {
             let range = frames.range(variable, &anchor, ENDS)?;
