@@ -324,7 +324,14 @@ impl Evidence {
         let k = seen.len();
         let n = self.plain.len();
         let scale: Vec<f64> = seen.iter().map(|&i| prepared.s[(i, i)].sqrt().recip()).collect();
-        let square = |m: &DMatrix<f64>| DMatrix::from_fn(k, k, |i, j| m[(seen[i], seen[j])] * scale[i] * scale[j]);
+        let square = |m: &DMatrix<f64>| {
+            let mut out = Vec::with_capacity(k * k);
+            for (&j, by) in seen.iter().zip(&scale) {
+                let column = m.column(j);
+                out.extend(seen.iter().zip(&scale).map(|(&i, scale)| column[i] * scale * by));
+            }
+            DMatrix::from_vec(k, k, out)
+        };
         let right = |m: &DMatrix<f64>, first: usize| {
             let mut out = Vec::with_capacity(n * k);
             for (&i, scale) in seen.iter().zip(&scale) {
