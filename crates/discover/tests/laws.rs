@@ -96,7 +96,7 @@ struct Case {
     variables: &'static [&'static str],
 }
 
-const CASES: [Case; 14] = [
+const CASES: [Case; 15] = [
     Case {
         name: "drag with the power 1.5 of the speed at the end of a link",
         yaml: "id: hidden\npoint: {link: link1, position_m: [-0.2, 0.0, 0.02]}\n\
@@ -239,6 +239,17 @@ const CASES: [Case; 14] = [
         direction: Direction::Link,
         variables: &["qd_link1"],
     },
+    Case {
+        name: "a force that follows the joint late, which without its delay looks like one on the centre of mass",
+        yaml: "id: hidden\npoint: {link: link0, position_m: [-0.04, 0.079, -0.022]}\naxes: link\ndelay: late\n\
+               force: ['c_x*qd_link1', 'c_y*qd_link1', 'c_z*qd_link1']\n\
+               coefficients: [{name: c_x, unit: N*s}, {name: c_y, unit: N*s}, {name: c_z, unit: N*s}]\n\
+               constants: [{name: late, unit: s, value: 0.058}]",
+        carriers: &["link0"],
+        action: Action::Force,
+        direction: Direction::Link,
+        variables: &["qd_link1"],
+    },
 ];
 
 fn report(name: &str, d: &Discovery) {
@@ -303,8 +314,8 @@ laws! {
 
 /// A law that acts late is stated with its delay, and none at once has one (above).
 #[test]
-fn delays_of_a_drag_and_of_a_couple() {
-    for (case, expected) in [(&CASES[12], 0.068), (&CASES[13], 0.045)] {
+fn delays_of_a_drag_a_couple_and_a_force() {
+    for (case, expected) in [(&CASES[12], 0.068), (&CASES[13], 0.045), (&CASES[14], 0.058)] {
         let law = found(case, 12.0);
         assert_eq!(law.effect.delay.as_deref(), Some("delay"), "{}", case.name);
         let delay = law.parameters.iter().find(|p| p.name == "delay").unwrap();

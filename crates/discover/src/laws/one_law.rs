@@ -20,8 +20,6 @@ pub(super) const SIMPLER: f64 = 1.02;
 const PERSON: f64 = 1.11;
 /// A curve is the answer if the best expression leaves this much more error.
 const CURVE: f64 = 1.15;
-/// Most further carriers on which a law with a delay is tried.
-const ELSEWHERE: usize = 3;
 /// A second factor has to leave less than this share of the error.
 const SECOND: f64 = 0.85;
 
@@ -77,11 +75,10 @@ pub(super) fn one_law(
         .collect();
     let waves = laws.iter().filter(|l| wave_of_the_clock(l).is_some()).take(2);
     products.extend(waves.filter(|_| !until.is_over()).filter_map(|l| travelling(session, problem, l)));
-    let first = best.clone();
-    let at_once = of_places(std::iter::once(&first).chain(&laws).filter(|l| may_be_late(l)));
+    let at_once = at_once(session, problem, std::iter::once(&best).chain(&laws).filter(|l| !l.law.delayed));
     session.counter.begin(Part::Delays, LATE_STEPS * at_once.len());
     let with_delay = |base: &Fitted| simplest(&delayed(session, problem, base, until), person).cloned();
-    let mut late: Vec<Fitted> = at_once.iter().filter_map(|base| with_delay(base)).collect();
+    let late: Vec<Fitted> = at_once.iter().filter_map(with_delay).collect();
     let least = |laws: &[Fitted]| laws.iter().min_by(|a, b| a.error().total_cmp(&b.error())).cloned();
     // an expression with a delay is simpler than a curve
     let is_curve = best.law.factors.iter().any(|f| f.shape == Shape::Curve);
@@ -92,27 +89,35 @@ pub(super) fn one_law(
     if let Some(law) = further.filter(|l| l.error() < SECOND * SECOND * best.error()) {
         best = law;
     }
-    // without its delay a law can look better on another carrier than on its own
-    if best.law.delayed {
-        let elsewhere = best.law.carrier.others(as_good(&best, &laws, &late).map(|l| l.law.carrier));
-        let like_best = |l: &&Fitted, carrier: Carrier| {
-            l.law.carrier == carrier && l.law.action == best.law.action && l.law.direction == best.law.direction
-        };
-        let untried = elsewhere.into_iter().filter(|c| !at_once.iter().any(|l| like_best(l, *c))).take(ELSEWHERE);
-        let of_variable = |c: Carrier| {
-            let mut there = laws.iter().filter(|l| like_best(l, c));
-            there.find_map(|l| with_only(session, problem, l, best.law.factors[0].variable)).filter(may_be_late)
-        };
-        let bases: Vec<Fitted> = untried.filter(|_| !until.is_over()).filter_map(of_variable).collect();
-        late.extend(bases.iter().filter_map(with_delay));
-        if let Some(law) = least(&late).filter(|l| SIMPLER * SIMPLER * l.error() < best.error()) {
-            best = law;
-        }
-    }
     let best = fit::simplify(session, problem, best);
     let rival = laws.iter().find(|l| !l.is_like(&best)).cloned();
     let also = best.law.carrier.others(as_good(&best, &laws, &late).map(|l| l.law.carrier));
     Some(OneLaw { best, rival, also })
+}
+
+/// Laws of one variable that may act late: the first ones of the first places and directions, and
+/// the variables of the first law there, each alone. Without its delay a law can look like a
+/// product with a second variable.
+fn at_once<'l>(
+    session: &Session<'_>,
+    problem: &Problem,
+    laws: impl Iterator<Item = &'l Fitted> + Clone,
+) -> Vec<Fitted> {
+    let mut out: Vec<Fitted> = of_places(laws.clone().filter(|l| may_be_late(l))).into_iter().cloned().collect();
+    for law in of_places(laws) {
+        for factor in &law.law.factors {
+            let is_tried = |o: &Fitted| {
+                o.law.carrier == law.law.carrier
+                    && o.law.direction == law.law.direction
+                    && o.law.action == law.law.action
+                    && o.law.factors[0].variable == factor.variable
+            };
+            if !out.iter().any(is_tried) {
+                out.extend(with_only(session, problem, law, factor.variable).filter(may_be_late));
+            }
+        }
+    }
+    out
 }
 
 /// The law with its factor of `variable` alone, fitted again; none if it has no such factor, or
