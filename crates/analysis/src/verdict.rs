@@ -93,8 +93,8 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     // a law that does better would have taken the effect's place
     let law = d.against.as_ref().map_or(String::new(), |a| {
         format!(
-            "; the best law beyond the catalogue leaves {:.2} times the error of `{}` in flight and contact",
-            a.error_ratio, a.effect
+            "; the best law beyond the catalogue leaves {:.2} times the error of `{}` in {}",
+            a.error_ratio, a.effect, a.judged_on
         )
     });
     Some(format!(
@@ -198,7 +198,12 @@ mod tests {
 
     #[test]
     fn the_best_law_of_another_form_is_part_of_the_evidence() {
-        let against = aloft_discover::AgainstLaw { effect: "a".to_owned(), error_ratio: 1.034, p_value: 1.0 };
+        let against = aloft_discover::AgainstLaw {
+            effect: "a".to_owned(),
+            judged_on: "flight and contact".to_owned(),
+            error_ratio: 1.034,
+            p_value: 1.0,
+        };
         let with = Discovery { against: Some(against), ..two_of_plates([None, None]) };
         let words = how_sure(&with).unwrap();
         assert!(

@@ -5,7 +5,7 @@ use crate::by_stages::Staged;
 use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
-use crate::laws::{Direction, Doubted, FormLimits, FoundLaw, Line, OpenWorld};
+use crate::laws::{Direction, Doubted, FormLimits, FoundLaw, Line, OpenWorld, Together};
 use crate::only_as_limit::{delay_or_wind, has_unknown_place, is_far_away, may_be_late};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
@@ -72,12 +72,18 @@ pub(crate) fn look_beyond(
         ([one], [_]) if named => other_members(session, effects, one, out),
         _ => Vec::new(),
     };
-    if let (Some(of_found), [_]) = (&mut out.misfit, kept) {
+    // on people errors that repeat change the strength of right effects, too
+    let refuted_at = out.misfit.as_ref().and_then(|m| out.found.iter().position(|f| f.key == m.effect));
+    if let Some(at) = refuted_at.filter(|_| session.prior.is_none()) {
         let has_one = |(v, f): &(Variant<'_>, Found)| {
-            let (v, f) = (std::slice::from_ref(v), std::slice::from_ref(f));
-            problem_with(v, f).is_some_and(|problem| misfit(&problem, v, f).is_some())
+            let (mut kept, mut found) = (kept.to_vec(), out.found.clone());
+            kept[at] = v.clone();
+            found[at] = f.clone();
+            let of = |problem: Problem| misfit(&problem, std::slice::from_ref(v), std::slice::from_ref(f)).is_some();
+            problem_with(&kept, &found).is_some_and(of)
         };
-        of_found.of_all_named = session.prior.is_none() && others.iter().all(has_one);
+        let all = other_members(session, effects, &kept[at], out).iter().all(has_one);
+        out.misfit.iter_mut().for_each(|m| m.of_all_named = all);
     }
     // an anchor at the end of the range, or beyond any wall, is a sign of another law
     let far_away = kept.iter().any(|v| is_far_away(session, v));
@@ -88,7 +94,9 @@ pub(crate) fn look_beyond(
     // where contact can tell the two apart, any error above the floor is a reason to ask
     let above_in_contact = acting && left[1].as_ref().is_some_and(HeldOutResult::is_above);
     let compared_there = acting && session.prior.is_some() && left[1].is_some();
-    let above = |s: &HeldOutResult| s.may_hide_more() || compared_there && s.times_floor() > 1.0;
+    let rigid_in_flight = session.prior.is_none() && kept.iter().any(|v| v.effect.acts().in_flight());
+    let compared = compared_there || rigid_in_flight;
+    let above = |s: &HeldOutResult| s.may_hide_more() || compared && s.times_floor() > 1.0;
     // so is an anchor whose place the recordings do not show
     let unknown_place = kept.iter().zip(&out.found).any(|(v, f)| has_unknown_place(session, v, &f.nonlinear));
     let may_hide = far_away || late || unknown_place || above_in_contact || left[0].as_ref().is_some_and(above);
@@ -119,8 +127,13 @@ pub(crate) fn look_beyond(
     let of_another_form = refuted_form || far_away || late;
     // on people errors that repeat change the strength of right effects, too
     let by_form = refuted_form && session.prior.is_none();
-    let doubt = |p: Problem| Doubted { errors: p.folds.iter().map(|f| f.error).collect(), by_form };
-    let doubted = with_effects.filter(|_| of_another_form).map(doubt);
+    let errors = with_effects.as_ref().map(|p| p.folds.iter().map(|f| f.error).collect::<Vec<f64>>());
+    let together = errors.clone().filter(|_| kept.len() > 1).map(|errors| {
+        let effects = kept.iter().map(|v| v.effect.id().to_owned()).collect();
+        Together { effects, errors }
+    });
+    let doubt = |errors| Doubted { errors, by_form };
+    let doubted = errors.filter(|_| of_another_form).map(doubt);
     let within_floor = hides && !of_another_form && !remains && !several_above;
     let members = match kept {
         [one] if named && out.groups.len() == 1 => {
@@ -137,6 +150,7 @@ pub(crate) fn look_beyond(
         lines: kept.iter().filter_map(|v| Line::of(session.scene, v)).collect(),
         far_in_contact,
         named: &members,
+        together,
     };
     let Some((made, against)) = crate::laws::search(session, accepted, rival, &taken, until, options) else { return };
     out.against = against;
@@ -221,12 +235,13 @@ pub(crate) fn look_beyond(
 }
 
 impl Discovery {
-    /// True if the one effect that is missing, or each of those of which it is one, has another
-    /// form than its law says: something acts like it, and what is not known. On people errors
-    /// that repeat change the strength of right effects.
+    /// True if an effect that is missing, or each of those of which it is one, has another form
+    /// than its law says: something acts like it, and what is not known. Where it stands beside
+    /// others, these may stand in for the same law. On people errors that repeat change the
+    /// strength of right effects.
     pub(crate) fn is_of_another_form(&self) -> bool {
         let named = matches!(self.verdict, Verdict::Supported | Verdict::OneOf);
-        named && self.found.len() == 1 && self.misfit.as_ref().is_some_and(|m| m.of_all_named)
+        named && self.misfit.as_ref().is_some_and(|m| m.of_all_named)
     }
 
     /// True if named effects on a rigid body leave more in many flights than the right ones would:

@@ -349,18 +349,27 @@ pub struct Discovery {
     pub not_tried: Vec<NotTried>,
 }
 
-/// The effects that are named beside the best law beyond the catalogue, each fitted to flights and
-/// contact.
+/// The effects that are named beside the best law beyond the catalogue, each fitted to the same
+/// rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AgainstLaw {
-    /// Identifier of the effect that leaves the least error of those named.
+    /// Identifier of the effect that leaves the least error of those named; of several that are
+    /// named together, all.
     pub effect: String,
+    /// Motion whose errors are compared: `flight and contact`, on a rigid body also `flight`.
+    #[serde(default = "flight_and_contact")]
+    pub judged_on: String,
     /// Held-out error with the law over that with the effect (root mean square).
     #[serde(deserialize_with = "nullable")]
     pub error_ratio: f64,
     /// Probability that chance alone puts the law this far ahead (sign flips of the recordings).
     #[serde(deserialize_with = "nullable")]
     pub p_value: f64,
+}
+
+/// What all results say that do not say it themselves.
+fn flight_and_contact() -> String {
+    crate::wording::domain(crate::problem::Domain::Both).to_owned()
 }
 
 /// Dependence of a named effect's strength that its law does not describe.

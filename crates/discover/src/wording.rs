@@ -296,7 +296,8 @@ pub(crate) fn wind_or_late(d: &Discovery, left: Option<HeldOutResult>, delay_s: 
 fn lowered(d: &Discovery, left: Option<HeldOutResult>) -> String {
     let times = left.map_or(String::new(), |s| format!(" to {} times its floor", digits(s.times_floor(), 2)));
     let found: Vec<String> = d.found.iter().map(|f| f.key.clone()).collect();
-    format!("{} lowers the held-out error in flight{times}", list(&found))
+    let lower = if found.len() > 1 { "together lower" } else { "lowers" };
+    format!("{} {lower} the held-out error in flight{times}", list(&found))
 }
 
 /// The result with that of the search beyond the catalogue; `far` if the words say already that the
@@ -328,7 +329,8 @@ pub(crate) fn with_open(d: &Discovery, open: &OpenWorld, far: bool) -> String {
 /// What is said of a named effect if a law does a little better.
 pub(crate) fn of_another_law(a: &AgainstLaw) -> String {
     format!(
-        "; on flights and contact together a law beyond the catalogue leaves {:.2} times the error of `{}` (p = {}): the force may follow another law",
+        "; in {} a law beyond the catalogue leaves {:.2} times the error of `{}` (p = {}): the force may follow another law",
+        a.judged_on,
         a.error_ratio,
         a.effect,
         digits(a.p_value, 1)
@@ -338,8 +340,9 @@ pub(crate) fn of_another_law(a: &AgainstLaw) -> String {
 /// Why an effect is not named although it lowers the error.
 pub(crate) fn refuted(a: &AgainstLaw) -> String {
     format!(
-        "; `{}` is not named, because on flights and contact together a law beyond the catalogue leaves {:.2} times its error (p = {})",
+        "; `{}` is not named, because in {} a law beyond the catalogue leaves {:.2} times as much error (p = {})",
         a.effect,
+        a.judged_on,
         a.error_ratio,
         digits(a.p_value, 1)
     )

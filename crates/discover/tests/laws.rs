@@ -404,6 +404,37 @@ fn an_effect_whose_strength_grows_in_another_way_is_not_named() {
     }
 }
 
+/// A force towards a point of the room, times a function of the distance from it.
+fn field(strength: &str) -> FormulaEffect {
+    let d = "sqrt((p_x-r_x)^2+(p_y-r_y)^2+(p_z-r_z)^2)";
+    let of = strength.replace("distance", d);
+    formula(&format!(
+        "id: hidden\npoint: {{link: link0, position_m: [0.01, 0.11, -0.03]}}\n\
+         force: ['c*(p_x-r_x)*{of}', 'c*(p_y-r_y)*{of}', 'c*(p_z-r_z)*{of}']\n\
+         coefficients: [{{name: c, unit: N/m}}]\n\
+         constants: [{{name: p_x, unit: m, value: -1.1}}, {{name: p_y, unit: m, value: 0.2}}, {{name: p_z, unit: m, value: 2.4}}, {{name: one, unit: m, value: 1}}]"
+    ))
+}
+
+/// A pull that grows with the cube of the distance fits an elastic line nearly as well. The law
+/// predicts the flights better, and the line is not named; a line is, beside the best law.
+#[test]
+fn an_effect_is_not_named_where_a_law_predicts_better() {
+    let (cube, _) = lab(7).find(Some((&field("(distance/one)^2"), 8.0)));
+    report("a field with the cube of the distance", &cube);
+    assert_eq!((cube.verdict, cube.effects.len()), (Verdict::Unexplained, 0), "{}", cube.words);
+    let law = &cube.open.as_ref().unwrap().laws[0];
+    assert_eq!((law.carrier.as_str(), law.direction), ("link0", Direction::Towards), "{}", law.text);
+    assert_eq!(law.variables, ["distance"], "{}", law.text);
+    let against = cube.against.as_ref().unwrap();
+    assert!(against.effect == "tether" && against.judged_on == "flight", "{against:?}");
+    assert!(against.error_ratio < 0.98 && cube.words.contains("`tether` is not named"), "{}", cube.words);
+    let (line, _) = lab(7).find(Some((&field("(1-0.5*one/distance)"), 8.0)));
+    report("an elastic line", &line);
+    assert_eq!(line.effects, ["tether"], "{}", line.words);
+    assert!(line.against.is_none_or(|a| a.error_ratio > 0.98 && a.judged_on == "flight"));
+}
+
 /// In free flight a drag that acts late looks like a wind straight down, which is therefore not
 /// named; a level wind is.
 #[test]

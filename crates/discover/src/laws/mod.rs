@@ -57,4 +57,4 @@ pub(crate) use atlas::Line;
 pub(crate) use form::{FormLimits, misfit};
 pub(crate) use kinematics::WHOLE_BODY;
 pub(crate) use search::search;
-pub(crate) use stated::{Doubted, Rivals};
+pub(crate) use stated::{Doubted, Rivals, Together};

@@ -13,7 +13,7 @@ use super::off_link::ALSO;
 use super::one_law::{OneLaw, one_law};
 use super::result::{Diagnosis, Entry, FoundLaw, NextRecording, OpenWorld};
 use super::stated::{ANSWERED, Rivals, Stated, Step, stated};
-use super::with_contact::{Flights, in_use, with_contact};
+use super::with_contact::{self, Flights, in_use, with_contact};
 use super::wording;
 use crate::held_out::HeldOutResult;
 use crate::options::DiscoverOptions;
@@ -115,8 +115,7 @@ pub(crate) fn search(
     let times_floor = model_error.filter(|s| s.noise_floor > 0.0).map(|s| s.held_out_error * ratio / s.noise_floor);
     let within_floor =
         times_floor.is_some_and(|t| t <= ANSWERED) || model_error.is_some_and(|s| at_floor(&s, left / before));
-    let of_both = laws.len() == 1 && laws[0].of_both;
-    let against = against.filter(|_| of_both);
+    let against = against.filter(|_| laws.len() == 1);
     let Stated { named, complete } = stated(&laws, ratio, within_floor, &catalogue, against.as_ref(), options.seed);
     let found = if named { searched.described(&laws, taken) } else { Vec::new() };
     let ratio = if named { ratio } else { 1.0 };
@@ -202,6 +201,12 @@ impl Searched<'_, '_> {
             if let Some(made) = with_contact(everywhere, &extra, &flights, believed, until, options) {
                 (law, p, of_both, against) = (Some(made.law), made.p, true, made.against);
             }
+        }
+        // soft tissue imitates laws: flights of a person alone do not decide
+        if let (0, false, None, Some(law)) = (number, person, &against, &law) {
+            let of_one = || with_contact::against(session, problem, catalogue.named, &law.best, options.seed);
+            let together = catalogue.together.as_ref();
+            against = together.map_or_else(of_one, |t| t.against(&law.best, options.seed));
         }
         let mut out = Round { clusters: of_some.clusters.len(), atlas, diagnosis, law: None, next: None, against };
         let Some(OneLaw { best: found, rival, mut also }) = law else { return Some(Some(out)) };

@@ -23,6 +23,7 @@ use crate::result::AgainstLaw;
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use crate::thin::{FEWEST, with_at_most};
+use crate::wording::domain;
 use aloft_effects::Target;
 use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, Vector3};
@@ -145,17 +146,17 @@ pub(super) fn with_contact(
     })
 }
 
-/// The best of the named effects, beside a law that was fitted to the rows of flights and contact.
-/// It is fitted to them, too, from its values in flight and from the best of its own starting
-/// values, on its link and on that of the law. None if one of the effects acts in flight only.
-fn against(
+/// The best of the named effects, beside a law that was fitted to the rows of `problem`. It is
+/// fitted to them, too, from its values in flight and from the best of its own starting values, on
+/// its link and on that of the law. None if one of the effects does not act in all rows.
+pub(super) fn against(
     session: &Session<'_>,
-    both: &Problem,
+    problem: &Problem,
     named: &[Variant<'_>],
     law: &Fitted,
     seed: u64,
 ) -> Option<AgainstLaw> {
-    if !named.iter().all(|v| judged_in(v.effect, Domain::Both)) {
+    if named.is_empty() || !named.iter().all(|v| judged_in(v.effect, problem.domain)) {
         return None;
     }
     let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
@@ -170,13 +171,14 @@ fn against(
             group: v.group.clone(),
             ..Variant::new(session, v.effect, there, nonlinear)
         };
-        let best = best_starts(session, both, starts.into_iter().map(of).collect(), 1).pop()?;
-        fitted_anew(session, both, &best, STARTS)
+        let best = best_starts(session, problem, starts.into_iter().map(of).collect(), 1).pop()?;
+        fitted_anew(session, problem, &best, STARTS)
     });
-    let made = named.iter().filter_map(|v| fitted_anew(session, both, v, STARTS)).chain(on_link);
+    let made = named.iter().filter_map(|v| fitted_anew(session, problem, v, STARTS)).chain(on_link);
     let best = made.min_by(|a, b| error(a).total_cmp(&error(b)))?;
     Some(AgainstLaw {
         effect: best.variant.effect.id().to_owned(),
+        judged_on: domain(problem.domain).to_owned(),
         error_ratio: (law.error() / error(&best)).sqrt(),
         p_value: sign_flip_p(&law.errors, &best.fold_error, 2000, seed ^ 0xf02a),
     })
