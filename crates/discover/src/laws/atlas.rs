@@ -355,6 +355,9 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
                         add(&unit, &base, direction.choices(), &weight, 2);
                     }
                 }
+                for (base, weight) in of_two_places(&products, &blank(action, direction)) {
+                    add(&unit, &base, direction.choices(), &weight, 4);
+                }
             }
             if action == Action::Force && direction == Direction::AgainstVelocity && resists {
                 for (variable, _, _) in products.iter().filter(|p| !p.0.is_rate()) {
@@ -405,6 +408,22 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
     without_idle_factors(&mut out.groups);
     sort(&mut out.groups);
     out
+}
+
+/// Entries whose strength is a product of two places, angles or times, each counted from a zero of
+/// its own: `like` with both variables, and [xy, x, y, 1] in every frame, by series. `of` are
+/// variables with ranges and values.
+fn of_two_places<'v>(
+    of: &'v [(Variable, Range, Vec<Vec<f64>>)],
+    like: &'v Group,
+) -> impl Iterator<Item = (Group, Vec<Vec<f64>>)> + 'v {
+    let places = || of.iter().filter(|p| !p.0.is_rate());
+    let pairs = places().enumerate().flat_map(move |(i, first)| places().skip(i + 1).map(move |second| (first, second)));
+    pairs.map(move |((first, range, x), (second, of_second, y))| {
+        let of_both = |(x, y): (&f64, &f64)| [x * y, *x, *y, 1.0];
+        let weight = x.iter().zip(y).map(|(x, y)| x.iter().zip(y).flat_map(of_both).collect()).collect();
+        (Group { variable: *first, range: *range, second: Some((*second, *of_second)), ..like.clone() }, weight)
+    })
 }
 
 /// A free curve of a variable at a place: its range, the values of its functions in every frame, by

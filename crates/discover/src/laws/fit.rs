@@ -168,15 +168,22 @@ fn starts(session: &Session<'_>, problem: &Problem, evidence: &Evidence, group: 
         return resistances(session, problem, evidence, group, variable, range);
     }
     if let Some((variable, range)) = group.second {
-        let of = |(shape, values): (Shape, &[f64])| {
-            let (mut law, mut nonlinear) = law_of(group, Shape::Linear, &[], true);
+        let of = |(first, shape, values): (Shape, Shape, &[f64])| {
+            let (mut law, mut nonlinear) = law_of(group, first, &[], true);
             law.factors.push(Factor { variable, shape, range, fixed: None });
             nonlinear.extend(values);
             Start { law, nonlinear, ratio: group.score.ratio }
         };
-        let further: (Shape, &[f64]) =
-            if variable.is_rate() { (Shape::EvenPower, &[1.0]) } else { (Shape::Affine, &[]) };
-        return [(Shape::Linear, &[][..]), further].map(of).into();
+        let mut shapes: Vec<(Shape, Shape, &[f64])> = vec![(Shape::Linear, Shape::Linear, &[])];
+        if variable.is_rate() {
+            shapes.push((Shape::Linear, Shape::EvenPower, &[1.0]));
+        } else {
+            shapes.push((Shape::Linear, Shape::Affine, &[]));
+        }
+        if group.is_of_two_places() {
+            shapes.extend([Shape::Linear, Shape::Affine].map(|second| (Shape::Affine, second, &[][..])));
+        }
+        return shapes.into_iter().map(of).collect();
     }
     let frames = PlaceFrames::new(session, group.carrier, &group.point);
     let distance = group.variable == Variable::Distance;

@@ -2,7 +2,7 @@
 //! variable: a drag that falls with the height, or on a link that turns its broad side to the flow.
 
 use super::atlas::{ENDS, Group, PlaceFrames, SPLINES, splines};
-use super::kinematics::{Direction, Variable};
+use super::kinematics::{Action, Direction, Variable};
 use super::shape::Range;
 use nalgebra::Vector3;
 
@@ -38,17 +38,28 @@ pub(super) fn resistance(frames: &PlaceFrames<'_>, variable: Variable) -> Option
     Some(Resistance { speed, range, weight: frames.values(variable, &none).iter().zip(&speeds).map(of).collect() })
 }
 
-/// Drops resistances with a second variable that leave hardly less error than those of one variable
-/// in the same place: a resistance fits with every second variable.
+/// Drops resistances with a second variable, and products of two places or angles, that leave
+/// hardly less error than those of one variable in the same place: what depends on one variable
+/// fits with every second one.
 pub(super) fn without_idle_factors(groups: &mut Vec<Group>) {
-    let of_one = |g: &Group| g.direction == Direction::AgainstVelocity && g.second.is_none();
-    let best = groups.iter().filter(|g| of_one(g)).map(|g| g.score.ratio).fold(1.0, f64::min);
-    groups.retain(|g| !g.is_resistance_of_two() || g.score.ratio < SECOND_VARIABLE * best);
+    let ratios = groups.iter().filter(|g| g.second.is_none()).map(|g| (g.action, g.direction, g.score.ratio));
+    let of_one: Vec<(Action, Direction, f64)> = ratios.collect();
+    let best = |g: &Group| {
+        let same = of_one.iter().filter(|o| (o.0, o.1) == (g.action, g.direction));
+        same.map(|o| o.2).fold(1.0, f64::min)
+    };
+    let needs_two = |g: &Group| g.score.ratio < SECOND_VARIABLE * best(g);
+    groups.retain(|g| !(g.is_resistance_of_two() || g.is_of_two_places()) || needs_two(g));
 }
 
 impl Group {
     /// True for an entry of [`resistance`].
     pub fn is_resistance_of_two(&self) -> bool {
         self.direction == Direction::AgainstVelocity && self.columns == SPLINES && self.second.is_some()
+    }
+
+    /// True for a product of two variables that are no rates.
+    pub fn is_of_two_places(&self) -> bool {
+        self.second.is_some_and(|(second, _)| !self.variable.is_rate() && !second.is_rate())
     }
 }
