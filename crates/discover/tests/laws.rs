@@ -96,7 +96,7 @@ struct Case {
     variables: &'static [&'static str],
 }
 
-const CASES: [Case; 15] = [
+const CASES: [Case; 16] = [
     Case {
         name: "drag with the power 1.5 of the speed at the end of a link",
         yaml: "id: hidden\npoint: {link: link1, position_m: [-0.2, 0.0, 0.02]}\n\
@@ -250,6 +250,16 @@ const CASES: [Case; 15] = [
         direction: Direction::Link,
         variables: &["qd_link1"],
     },
+    Case {
+        name: "a force that follows the joint angle times an inclination, and neither alone",
+        yaml: "id: hidden\npoint: {link: link0, position_m: [-0.03, 0.09, 0.036]}\naxes: link\n\
+               force: ['c_x*q_link1*tilt_z', 'c_y*q_link1*tilt_z', 'c_z*q_link1*tilt_z']\n\
+               coefficients: [{name: c_x, unit: N}, {name: c_y, unit: N}, {name: c_z, unit: N}]",
+        carriers: &["link0"],
+        action: Action::Force,
+        direction: Direction::Link,
+        variables: &["q_link1", "tilt_z"],
+    },
 ];
 
 fn report(name: &str, d: &Discovery) {
@@ -310,6 +320,7 @@ laws! {
     couple_by_two_spins: 9,
     drag_by_the_clock: 10,
     travelling_wave: 11,
+    product_of_joint_angle_and_inclination: 15,
 }
 
 /// A law that acts late is stated with its delay, and none at once has one (above).

@@ -418,7 +418,8 @@ fn of_two_places<'v>(
     like: &'v Group,
 ) -> impl Iterator<Item = (Group, Vec<Vec<f64>>)> + 'v {
     let places = || of.iter().filter(|p| !p.0.is_rate());
-    let pairs = places().enumerate().flat_map(move |(i, first)| places().skip(i + 1).map(move |second| (first, second)));
+    let pairs =
+        places().enumerate().flat_map(move |(i, first)| places().skip(i + 1).map(move |second| (first, second)));
     pairs.map(move |((first, range, x), (second, of_second, y))| {
         let of_both = |(x, y): (&f64, &f64)| [x * y, *x, *y, 1.0];
         let weight = x.iter().zip(y).map(|(x, y)| x.iter().zip(y).flat_map(of_both).collect()).collect();
