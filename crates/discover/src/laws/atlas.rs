@@ -356,7 +356,7 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
                     }
                 }
                 for (base, weight) in of_two_places(&products, &blank(action, direction)) {
-                    add(&unit, &base, direction.choices(), &weight, 4);
+                    add(&unit, &base, direction.choices(), &weight, 3);
                 }
             }
             if action == Action::Force && direction == Direction::AgainstVelocity && resists {
@@ -410,8 +410,8 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
     out
 }
 
-/// Entries whose strength is a product of two places, angles or times, each counted from a zero of
-/// its own: `like` with both variables, and [xy, x, y, 1] in every frame, by series. `of` are
+/// Entries whose strength is a product of two places, angles or times: `like` with both variables,
+/// and [xy, x, y] in every frame, by series, so that one of them may be counted from any zero. `of` are
 /// variables with ranges and values.
 fn of_two_places<'v>(
     of: &'v [(Variable, Range, Vec<Vec<f64>>)],
@@ -421,7 +421,7 @@ fn of_two_places<'v>(
     let pairs =
         places().enumerate().flat_map(move |(i, first)| places().skip(i + 1).map(move |second| (first, second)));
     pairs.map(move |((first, range, x), (second, of_second, y))| {
-        let of_both = |(x, y): (&f64, &f64)| [x * y, *x, *y, 1.0];
+        let of_both = |(x, y): (&f64, &f64)| [x * y, *x, *y];
         let weight = x.iter().zip(y).map(|(x, y)| x.iter().zip(y).flat_map(of_both).collect()).collect();
         (Group { variable: *first, range: *range, second: Some((*second, *of_second)), ..like.clone() }, weight)
     })
