@@ -22,6 +22,9 @@ use aloft_regressor::POOR_TIMES_FLOOR;
 /// take their place.
 const LESS: f64 = 0.8;
 
+/// Fewest clusters of which fewer than one in a hundred patterns of signs are as good as the best.
+const MANY_SIGNS: usize = 8;
+
 /// Largest share of the error in contact that a law of both may leave.
 const IN_CONTACT: f64 = 0.9;
 
@@ -94,17 +97,20 @@ pub(crate) fn look_beyond(
     // where contact can tell the two apart, any error above the floor is a reason to ask
     let above_in_contact = acting && left[1].as_ref().is_some_and(HeldOutResult::is_above);
     let compared_there = acting && session.prior.is_some() && left[1].is_some();
-    let rigid_in_flight = session.prior.is_none() && kept.iter().any(|v| v.effect.acts().in_flight());
-    let compared = compared_there || rigid_in_flight;
-    let above = |s: &HeldOutResult| s.may_hide_more() || compared && s.times_floor() > 1.0;
+    let above = |s: &HeldOutResult| s.may_hide_more() || compared_there && s.times_floor() > 1.0;
     // so is an anchor whose place the recordings do not show
     let unknown_place = kept.iter().zip(&out.found).any(|(v, f)| has_unknown_place(session, v, &f.nonlinear));
     let may_hide = far_away || late || unknown_place || above_in_contact || left[0].as_ref().is_some_and(above);
     let hides = far_in_contact || with_effects.is_some() && may_hide;
+    // soft tissue imitates laws; on a rigid body the flights tell an effect from a law
+    let in_flight = session.prior.is_none() && kept.iter().any(|v| v.effect.acts().in_flight());
+    let enough = with_effects.as_ref().is_some_and(|p| p.folds.len() >= MANY_SIGNS);
+    let compared = in_flight && enough && left[0].is_some_and(|s| s.times_floor() > 1.0);
     // a floor that is known roughly can hide a law, too; on people it is often wide
     let may_hide_in_floor =
         session.prior.is_some() && !named && left[0].as_ref().is_some_and(HeldOutResult::may_hide_more);
-    if !(remains || several_above || hides || may_hide_in_floor || out.misfit.is_some()) {
+    let asked = remains || several_above || hides || may_hide_in_floor || out.misfit.is_some();
+    if !(asked || compared) {
         return;
     }
     if until.is_over() {
@@ -134,7 +140,7 @@ pub(crate) fn look_beyond(
     });
     let doubt = |errors| Doubted { errors, by_form };
     let doubted = errors.filter(|_| of_another_form).map(doubt);
-    let within_floor = hides && !of_another_form && !remains && !several_above;
+    let within_floor = (hides || compared) && !of_another_form && !remains && !several_above;
     let members = match kept {
         [one] if named && out.groups.len() == 1 => {
             std::iter::once(one).chain(others.iter().map(|(v, _)| v)).cloned().collect()
@@ -151,11 +157,10 @@ pub(crate) fn look_beyond(
         far_in_contact,
         named: &members,
         together,
+        only_compared: compared && !asked,
     };
     let Some((made, against)) = crate::laws::search(session, accepted, rival, &taken, until, options) else { return };
     out.against = against;
-    let rigid = session.prior.is_none();
-    let in_flight = rigid && kept.iter().any(|v| v.effect.acts().in_flight());
     let points_down = kept.iter().zip(&out.found).any(|(v, f)| delay_or_wind(session, v, &f.nonlinear).is_some());
     let too_much = out.leaves_too_much(session.model_error[0], left[0], in_flight);
     let refuted_alone = out.is_of_another_form() || points_down || too_much;

@@ -85,6 +85,8 @@ pub(crate) fn search(
     let mut laws: Vec<Step> = Vec::new();
     let mut first: Option<Round> = None;
     let mut against = None;
+    // true if the named effects predict as well as the first law
+    let mut stands = false;
     let mut left = before;
     for number in 0..ROUNDS {
         let problem = searched.with(&laws)?;
@@ -96,6 +98,10 @@ pub(crate) fn search(
         against = against.or(made.against.take());
         let law = made.law.take();
         first.get_or_insert(made);
+        stands = catalogue.only_compared && !against.as_ref().is_some_and(AgainstLaw::is_against_the_effect);
+        if stands {
+            break;
+        }
         let Some(law) = law else { break };
         let of_law = law.fitted.error();
         laws.push(law);
@@ -115,7 +121,7 @@ pub(crate) fn search(
     let times_floor = model_error.filter(|s| s.noise_floor > 0.0).map(|s| s.held_out_error * ratio / s.noise_floor);
     let within_floor =
         times_floor.is_some_and(|t| t <= ANSWERED) || model_error.is_some_and(|s| at_floor(&s, left / before));
-    let against = against.filter(|_| laws.len() == 1);
+    let against = against.filter(|_| stands || laws.len() == 1);
     let Stated { named, complete } = stated(&laws, ratio, within_floor, &catalogue, against.as_ref(), options.seed);
     let found = if named { searched.described(&laws, taken) } else { Vec::new() };
     let ratio = if named { ratio } else { 1.0 };
@@ -181,7 +187,9 @@ impl Searched<'_, '_> {
         let may_do = if number == 0 { believed.sqrt() } else { believed };
         let diagnosis = (number == 0 && p < 0.05 && best.score.ratio.sqrt() < 0.97).then(|| {
             let made = diagnose(in_some, of_some, &atlas, p);
-            session.counter.so_far(&format!("the error in flight looks like {}", made.text));
+            if !catalogue.only_compared {
+                session.counter.so_far(&format!("the error in flight looks like {}", made.text));
+            }
             made
         });
         let groups = fit::distinct(&atlas.groups, TRIED);
@@ -218,7 +226,10 @@ impl Searched<'_, '_> {
         let limit = if of_both { believed.sqrt() } else { believed };
         if ratio < limit && p_gain < options.significance {
             out.next = rival.filter(|_| number == 0).and_then(|r| next_recording(session, &found, &r));
-            session.counter.so_far(&wording::law_so_far(session, &found, ratio, number > 0));
+            let better = out.against.as_ref().is_some_and(AgainstLaw::is_against_the_effect);
+            if better || !catalogue.only_compared {
+                session.counter.so_far(&wording::law_so_far(session, &found, ratio, number > 0));
+            }
             out.law = Some(Step { fitted: found, ratio, p, also, of_both });
         }
         Some(Some(out))

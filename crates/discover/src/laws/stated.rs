@@ -45,9 +45,20 @@ impl AgainstLaw {
         self.error_ratio < self.limit(IN_DOUBT) && self.p_value < TRUER
     }
 
+    /// Share from which on an effect is as good as the law. In flight a simpler law may leave a
+    /// little more.
+    fn as_good(&self) -> f64 {
+        if self.in_flight() { SIMPLER } else { 1.0 }
+    }
+
+    /// True if flights alone are compared, those of a rigid body.
+    fn in_flight(&self) -> bool {
+        self.judged_on == domain(Domain::Flight)
+    }
+
     /// The largest share that a law may leave, where `on_both` is that in flight and contact.
     fn limit(&self, on_both: f64) -> f64 {
-        if self.judged_on == domain(Domain::Flight) { LESS_IN_FLIGHT } else { on_both }
+        if self.in_flight() { LESS_IN_FLIGHT } else { on_both }
     }
 
     /// True if the law leaves a little less in recording after recording: the effect is named, and
@@ -95,6 +106,9 @@ pub(crate) struct Rivals<'v, 'a> {
     pub named: &'v [Variant<'a>],
     /// Effects that are missing together.
     pub together: Option<Together>,
+    /// True if nothing is held against the named effects: the first law is compared with them, and
+    /// the search ends unless it does better.
+    pub only_compared: bool,
 }
 
 /// Several effects that are missing, beside each other in the model.
@@ -161,14 +175,14 @@ pub(super) fn stated(
     };
     let of_both = single.is_some_and(|law| law.of_both);
     let truer_on_both = against.is_some_and(AgainstLaw::is_for_the_law);
-    // all rows together say that an effect is at least as good
-    let worse_on_both = against.is_some_and(|a| a.error_ratio > 1.0);
+    // the same rows say that an effect is at least as good
+    let no_better = against.is_some_and(|a| a.error_ratio > a.as_good());
     let any_better = (catalogue.far_in_contact && of_both && ratio <= IN_FLIGHT * catalogue.ratio)
         || ratio < if catalogue.within_floor { 1.0 } else { BETTER } * catalogue.ratio
         || catalogue.several.is_some_and(simpler)
         || catalogue.doubted.as_ref().is_some_and(truer)
         || truer_on_both;
-    let better = any_better && !worse_on_both;
+    let better = any_better && !no_better;
     let complete = within_floor && !laws.is_empty() && better;
     Stated { named: complete || (better && ratio < PART), complete }
 }
