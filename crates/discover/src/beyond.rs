@@ -11,7 +11,7 @@ use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::refused::Refused;
-use crate::result::{AgainstLaw, Discovery, Found, MANY_CLUSTERS, Round, Verdict};
+use crate::result::{AgainstLaw, Candidate, Discovery, Found, MANY_CLUSTERS, Round, Verdict};
 use crate::session::Session;
 use crate::sizes::predicts_as_well;
 use crate::wording;
@@ -143,7 +143,8 @@ pub(crate) fn look_beyond(
     let within_floor = (hides || compared) && !of_another_form && !remains && !several_above;
     let members = match kept {
         [one] if named && out.groups.len() == 1 => {
-            std::iter::once(one).chain(others.iter().map(|(v, _)| v)).cloned().collect()
+            let not_named = if session.prior.is_none() { as_good_as(session, effects, one, first) } else { Vec::new() };
+            std::iter::once(one).chain(others.iter().map(|(v, _)| v)).cloned().chain(not_named).collect()
         }
         _ => in_doubt.to_vec(),
     };
@@ -263,6 +264,26 @@ impl Discovery {
         let more = before.zip(left).is_some_and(|(before, left)| left.is_not_reached_from(before.held_out_error));
         rigid && named && self.rounds.iter().any(flights) && more
     }
+}
+
+/// Effects of the ranking that leave no more error than the one found: a law has to do better than
+/// these, too, whatever the reason why they are not named.
+fn as_good_as<'a>(
+    session: &Session<'_>,
+    effects: &[&'a dyn Effect],
+    found: &Variant<'a>,
+    ranking: &[Candidate],
+) -> Vec<Variant<'a>> {
+    let id = found.effect.id();
+    let of_found = ranking.iter().find(|c| c.effect == id).map_or(0.0, |c| c.held_out_ratio);
+    let as_good =
+        ranking.iter().filter(|c| c.effect != id && c.plausible && !c.placebo && c.held_out_ratio <= of_found);
+    // what is compared with contact has to act there
+    let acts = |v: &Variant<'_>| {
+        let (there, here) = (v.effect.acts(), found.effect.acts());
+        there.in_flight() && (there.in_contact() || !here.in_contact())
+    };
+    as_good.filter_map(|c| Variant::of_candidate(session, effects, c)).filter(acts).collect()
 }
 
 /// The effects that the answer names in place of the one found, with the values of their own fits.
