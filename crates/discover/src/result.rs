@@ -369,7 +369,7 @@ pub struct AgainstLaw {
 
 /// What all results say that do not say it themselves.
 fn flight_and_contact() -> String {
-    crate::wording::domain(crate::problem::Domain::Both).to_owned()
+    "flight and contact".to_owned()
 }
 
 /// Dependence of a named effect's strength that its law does not describe.

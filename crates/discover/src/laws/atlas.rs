@@ -411,8 +411,8 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
 }
 
 /// Entries whose strength is a product of two places, angles or times: `like` with both variables,
-/// and [xy, x, y] in every frame, by series, so that one of them may be counted from any zero. `of` are
-/// variables with ranges and values.
+/// and [xy, x, y] in every frame, by series, so that one of them may be counted from any zero. `of`
+/// are variables with ranges and values.
 fn of_two_places<'v>(
     of: &'v [(Variable, Range, Vec<Vec<f64>>)],
     like: &'v Group,
