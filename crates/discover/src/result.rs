@@ -324,8 +324,8 @@ pub struct Discovery {
     /// Data that were left out, with the reason.
     pub warnings: Vec<String>,
     /// An effect found whose strength depends on something in another way than its law says; null
-    /// where nothing shows that. On a rigid body an effect with a misfit is not named, nor are those
-    /// beside it, nor several of which one is missing if each has one.
+    /// where nothing shows that. On a rigid body an effect with a misfit is not named, nor are
+    /// those beside it, nor several of which one is missing if each has one.
     #[serde(default)]
     pub misfit: Option<Misfit>,
     /// The effects that are named beside the best law beyond the catalogue; null where no such law
