@@ -353,8 +353,8 @@ pub struct Discovery {
 /// rows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AgainstLaw {
-    /// Identifier of the effect that leaves the least error of those named; of several that are
-    /// named together, all.
+    /// Identifier of the effect that leaves the least error of those named and, on a rigid body, of
+    /// others that leave no more in the ranking; of several that are named together, all.
     pub effect: String,
     /// Motion whose errors are compared: `flight and contact`, on a rigid body also `flight`.
     #[serde(default = "flight_and_contact")]
@@ -367,7 +367,7 @@ pub struct AgainstLaw {
     pub p_value: f64,
 }
 
-/// What all results say that do not say it themselves.
+/// What is compared in results that were written without this field.
 fn flight_and_contact() -> String {
     "flight and contact".to_owned()
 }

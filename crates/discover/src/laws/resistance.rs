@@ -1,5 +1,6 @@
 //! Entries of the atlas for a resistance that grows with the speed and depends on a second
-//! variable: a drag that falls with the height, or on a link that turns its broad side to the flow.
+//! variable: a drag that falls with the height, or on a link that turns its broad side to the flow;
+//! and which entries of two variables are kept.
 
 use super::atlas::{ENDS, Group, PlaceFrames, SPLINES, splines};
 use super::kinematics::{Action, Direction, Variable};
