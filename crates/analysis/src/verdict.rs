@@ -92,8 +92,13 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     };
     // a law that does better would have taken the effect's place
     let law = d.against.as_ref().map_or(String::new(), |a| {
+        let alike = if a.is_as_good() && !a.law.is_empty() {
+            format!("; the recordings do not tell it from that law: {}", a.law)
+        } else {
+            String::new()
+        };
         format!(
-            "; the best law beyond the catalogue leaves {:.2} times the error of `{}` in {}",
+            "; the best law beyond the catalogue leaves {:.2} times the error of `{}` in {}{alike}",
             a.error_ratio, a.effect, a.judged_on
         )
     });
@@ -198,19 +203,27 @@ mod tests {
 
     #[test]
     fn the_best_law_of_another_form_is_part_of_the_evidence() {
-        let against = aloft_discover::AgainstLaw {
-            effect: "a".to_owned(),
-            judged_on: "flight and contact".to_owned(),
-            error_ratio: 1.034,
-            p_value: 1.0,
+        let words_with = |error_ratio: f64| {
+            let against = aloft_discover::AgainstLaw {
+                effect: "a".to_owned(),
+                judged_on: "flight and contact".to_owned(),
+                error_ratio,
+                p_value: 1.0,
+                law: "a force towards a point".to_owned(),
+            };
+            how_sure(&Discovery { against: Some(against), ..two_of_plates([None, None]) }).unwrap()
         };
-        let with = Discovery { against: Some(against), ..two_of_plates([None, None]) };
-        let words = how_sure(&with).unwrap();
+        let words = words_with(1.034);
         assert!(
             words.ends_with("beyond the catalogue leaves 1.03 times the error of `a` in flight and contact"),
             "{words}"
         );
-        assert!(!how_sure(&two_of_plates([None, None])).unwrap().contains("another form"));
+        let words = words_with(1.002);
+        assert!(
+            words.ends_with("contact; the recordings do not tell it from that law: a force towards a point"),
+            "{words}"
+        );
+        assert!(!how_sure(&two_of_plates([None, None])).unwrap().contains("beyond the catalogue"));
     }
 
     #[test]

@@ -8,6 +8,7 @@ use crate::held_out::HeldOutResult;
 use crate::judge::AtFloor;
 use crate::ladder::{Refit, as_found, extra_columns, key_of, prune, refit_found, to_build_on};
 use crate::limits::limit;
+use crate::nonlinear::settled;
 use crate::not_tried::not_tried;
 use crate::on_which_link::name_other_links;
 use crate::one_is_enough::one_is_enough;
@@ -313,7 +314,12 @@ fn without_refused(
             }
             let mut join: Vec<Scored<'_>> = Vec::new();
             if let (true, Some(rival)) = (go_on, chosen) {
-                join.push(rival.scored.clone());
+                let settled = settled(session, &problem, &rival.scored);
+                let its = as_found(session, &settled);
+                if let Some(c) = round.candidates.iter_mut().find(|c| c.key == its.key) {
+                    (c.coefficients, c.nonlinear) = (its.coefficients, its.nonlinear);
+                }
+                join.push(settled);
                 round.missing = 1;
                 first_gain = first_gain.or(Some(gain));
                 let mut left = mean_square(rival);

@@ -287,7 +287,10 @@ pub(crate) fn judge(
         .iter()
         .filter(|_| !few)
         .filter(|x| {
-            let simpler = |y: &&Rival<'_>| y.believed && Some(y.index) != spared && unknowns(x) > unknowns(y);
+            // one that does better flight by flight is not dropped for a small advantage
+            let simpler = |y: &&Rival<'_>| {
+                y.believed && Some(y.index) != spared && unknowns(x) > unknowns(y) && !does_better(x, y)
+            };
             class.iter().copied().filter(simpler).any(|y| falls_short(x, y))
         })
         .map(|x| x.index)

@@ -220,6 +220,33 @@ pub(crate) fn joint_se_at(session: &Session<'_>, problem: &Problem, variant: &Va
         .unwrap_or_default()
 }
 
+/// A variant that was scored at starting values of its nonlinear parameters, with the errors that
+/// these have and that they cause in the coefficients, as if they had been fitted there: that a
+/// starting value fits well enough does not make it known. Any other variant as it is.
+pub(crate) fn with_joint_errors<'a>(session: &Session<'_>, problem: &Problem, scored: Scored<'a>) -> Scored<'a> {
+    let parameters = scored.variant.effect.nonlinear(session.scene, scored.variant.target);
+    if scored.variant.fitted > 0 || parameters.is_empty() {
+        return scored;
+    }
+    let Some(wide) = columns_and_slopes(session, problem, &scored.variant, &scored.theta) else { return scored };
+    let (joint, folds) = (problem.reduce_all(&wide).0, folds_of(problem, &wide));
+    Scored {
+        joint_se: joint_se(problem, &parameters, &wide, &folds, &scored.theta),
+        widening: widening(&joint, scored.theta.len()),
+        freedom: fold_freedom(&joint, folds.iter().map(|f| &f.s)),
+        ..scored
+    }
+}
+
+/// A variant that was scored at starting values, fitted to a rigid body, if that predicts as well:
+/// what is named gets a place of its own. On a person a fit also follows errors that repeat.
+pub(crate) fn settled<'a>(session: &Session<'_>, problem: &Problem, scored: &Scored<'a>) -> Scored<'a> {
+    let at_start = scored.variant.fitted == 0 && !scored.variant.nonlinear.is_empty();
+    let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
+    let better = (at_start && session.prior.is_none()).then(|| fitted(session, problem, &scored.variant)).flatten();
+    better.filter(|s| error(s) <= error(scored)).unwrap_or_else(|| scored.clone())
+}
+
 /// Columns `[C | ∂(Cθ)/∂p]` of an effect at its present parameter values.
 pub(crate) fn columns_and_slopes(
     session: &Session<'_>,

@@ -3,7 +3,7 @@
 
 use crate::candidate::{Scored, Variant, pseudo_inverse, score, solve};
 use crate::groups::group;
-use crate::nonlinear::{FULL_STEPS, improve, score_fitted};
+use crate::nonlinear::{FULL_STEPS, improve, score_fitted, with_joint_errors};
 use crate::problem::{Domain, OVERLAP, Problem, Reduced};
 use crate::session::Session;
 use aloft_effects::{Effect, Target};
@@ -165,6 +165,9 @@ pub(crate) fn score_effect<'a>(
             scored[pick(&|s| s.fold_gain[g], problem.folds[g].train, n)].fold_error[g]
         })
         .collect();
+    if refine && !placebo {
+        scored[best] = with_joint_errors(session, problem, scored[best].clone());
+    }
     Some(EffectScore { effect, scored, best, fold_error, placebo, null })
 }
 

@@ -365,6 +365,9 @@ pub struct AgainstLaw {
     /// Probability that chance alone puts the law this far ahead (sign flips of the recordings).
     #[serde(deserialize_with = "nullable")]
     pub p_value: f64,
+    /// The law, in words.
+    #[serde(default)]
+    pub law: String,
 }
 
 /// What is compared in results that were written without this field.

@@ -3,7 +3,7 @@
 use crate::candidate::{Scored, Variant, score};
 use crate::ladder::sharpened;
 use crate::limits::limit;
-use crate::nonlinear::{FULL_STEPS, improve, score_fitted};
+use crate::nonlinear::{FULL_STEPS, improve, score_fitted, with_joint_errors};
 use crate::options::DiscoverOptions;
 use crate::problem::Problem;
 use crate::rank::EffectScore;
@@ -107,7 +107,8 @@ pub(crate) fn rivals<'a>(
             let v = &s.variant;
             if v.fitted == 0 {
                 let columns = v.columns(session, &sharp)?;
-                return Some(score(&sharp, v.clone(), &sharp.reduce(&columns)));
+                let scored = score(&sharp, v.clone(), &sharp.reduce(&columns));
+                return Some(with_joint_errors(session, &sharp, scored));
             }
             improve(session, &sharp, v, FULL_STEPS).and_then(|(v, _)| score_fitted(session, &sharp, v))
         });

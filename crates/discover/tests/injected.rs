@@ -14,7 +14,7 @@ use aloft_effects::{EFFECTS, Effect, EffectInstance, EffectKind, FormulaEffect, 
 use aloft_regressor::WeakOptions;
 
 /// An effect, its coefficients, its nonlinear parameters.
-type Hidden = (&'static str, &'static [f64], &'static [(&'static str, f64)]);
+type Hidden<'h> = (&'h str, &'h [f64], &'h [(&'h str, f64)]);
 
 struct Lab {
     truth: common::Truth,
@@ -56,7 +56,7 @@ impl Lab {
         let session = Session::new(&body, &scene, &trials, &WeakOptions::default()).unwrap();
         f(&scene, session)
     }
-    fn find(&self, hidden: &[Hidden], options: &DiscoverOptions) -> Discovery {
+    fn find(&self, hidden: &[Hidden<'_>], options: &DiscoverOptions) -> Discovery {
         self.with(|scene, mut session| {
             for (key, theta, set) in hidden {
                 let mut choice = EffectInstance::parse(key, scene).unwrap();
@@ -117,7 +117,7 @@ fn errors_and_floor_are_those_of_the_comparison() {
 fn effects_are_named_with_their_size() {
     let lab = lab();
     let options = DiscoverOptions { rounds: 1, ..Default::default() };
-    let cases: [Hidden; 6] = [
+    let cases: [Hidden<'_>; 6] = [
         ("quadratic_drag", &[0.01], &[]),
         ("gravity_tilt", &[0.05, -0.03], &[]),
         ("gravity_scale", &[0.004], &[]),
@@ -152,7 +152,7 @@ fn effects_are_named_with_their_size() {
 #[test]
 fn more_flights_name_a_smaller_effect() {
     let lab = lab();
-    let small: Hidden = ("quadratic_drag", &[0.0017], &[]);
+    let small: Hidden<'_> = ("quadratic_drag", &[0.0017], &[]);
     let options = DiscoverOptions { rounds: 1, ..Default::default() };
     let d = lab.find(&[small], &options);
     let (c, clusters) = (&d.candidates[0], d.rounds[0].clusters);
@@ -177,6 +177,35 @@ fn a_limit_of_a_richer_effect_is_named_by_the_simpler_one() {
     let pulley: &[(&str, f64)] = &[("pulley_x", 1.0), ("pulley_y", -0.6), ("pulley_z", 2.4)];
     let near = lab.find(&[("crane[link0]", &[0.2], pulley)], &options);
     assert!(near.effects.iter().any(|e| e == "crane"), "{}", near.words);
+}
+
+/// A weak effect is ranked at starting values of its place. Once it is named, the place is fitted,
+/// and the intervals hold what the recordings do not show of it.
+#[test]
+fn the_place_of_a_weak_tether_is_fitted_and_uncertain() {
+    const TRUTH: [(&str, f64); 4] = [("anchor_x", 1.1), ("anchor_y", -0.8), ("anchor_z", 2.7), ("rest_length", 0.5)];
+    let options = DiscoverOptions { rounds: 1, ..only(&["constant_force", "crane", "tether"]) };
+    let (mut inside, mut all, mut at_start) = (0, 0, 0);
+    for seed in 1..=8 {
+        let mut lab = lab();
+        lab.motion = lab.truth.noisy(0.3e-3, seed);
+        for stiffness in [0.012, 0.016] {
+            let d = lab.find(&[("tether[link0]", &[stiffness, 0.0], &TRUTH)], &options);
+            assert!(d.effects.iter().any(|e| e == "tether"), "{}", d.words);
+            let Some(found) = d.found.iter().find(|f| f.effect == "tether") else { continue };
+            at_start += usize::from(found.nonlinear.iter().any(|e| e.at_bound));
+            for (name, value) in TRUTH.iter().chain(&[("stiffness", stiffness), ("damping", 0.0)]) {
+                let of = found.nonlinear.iter().chain(&found.coefficients).find(|e| e.name == *name).unwrap();
+                let Some([low, high]) = of.ci95 else { continue };
+                assert!(high - low > 1e-4 && high - low < 4.0, "{of:?}");
+                inside += usize::from((low..=high).contains(value));
+                all += 1;
+            }
+        }
+    }
+    // intervals of first order, and each noise counts twice
+    assert!(all >= 80 && inside * 5 >= all * 4, "{inside} of {all} within their intervals");
+    assert!(at_start <= 2, "{at_start} of 16 at starting values");
 }
 
 /// Anchor position and length of a tether compensate each other: the intervals have to show it.

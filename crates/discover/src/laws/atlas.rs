@@ -3,8 +3,8 @@
 
 use super::evidence::{Evidence, Score};
 use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
-use super::resistance::{Resistance, resistance, without_idle_factors};
 use super::shape::Range;
+use super::two_variables::{Resistance, of_two_places, resistance, without_idle_factors};
 use crate::candidate::Variant;
 use crate::problem::Problem;
 use crate::progress::Part;
@@ -212,14 +212,6 @@ pub(crate) fn points(scene: &Scene, carrier: Carrier) -> Vec<Vector3<f64>> {
     out
 }
 
-impl Group {
-    /// True if the strength depends on one variable, or on one of the pairs that flows and spins
-    /// follow.
-    pub fn is_one_dependence(&self) -> bool {
-        self.second.is_none_or(|(second, _)| Variable::pairs_of(self.action).contains(&(self.variable, second)))
-    }
-}
-
 /// All carriers of a body.
 pub(crate) fn carriers(scene: &Scene) -> Vec<Carrier> {
     let links = (0..scene.model.n_links()).map(Carrier::Link);
@@ -408,23 +400,6 @@ fn place(session: &Session<'_>, problem: &Problem, evidence: &Evidence, job: &Pl
     without_idle_factors(&mut out.groups);
     sort(&mut out.groups);
     out
-}
-
-/// Entries whose strength is a product of two places, angles or times: `like` with both variables,
-/// and [xy, x, y] in every frame, by series, so that one of them may be counted from any zero. `of`
-/// are variables with ranges and values.
-fn of_two_places<'v>(
-    of: &'v [(Variable, Range, Vec<Vec<f64>>)],
-    like: &'v Group,
-) -> impl Iterator<Item = (Group, Vec<Vec<f64>>)> + 'v {
-    let places = || of.iter().filter(|p| !p.0.is_rate());
-    let pairs =
-        places().enumerate().flat_map(move |(i, first)| places().skip(i + 1).map(move |second| (first, second)));
-    pairs.map(move |((first, range, x), (second, of_second, y))| {
-        let of_both = |(x, y): (&f64, &f64)| [x * y, *x, *y];
-        let weight = x.iter().zip(y).map(|(x, y)| x.iter().zip(y).flat_map(of_both).collect()).collect();
-        (Group { variable: *first, range: *range, second: Some((*second, *of_second)), ..like.clone() }, weight)
-    })
 }
 
 /// A free curve of a variable at a place: its range, the values of its functions in every frame, by

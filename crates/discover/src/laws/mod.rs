@@ -5,7 +5,7 @@
 //! |---|---|---|
 //! | evidence | `evidence` | residual rows with the body's parameters projected out, for every fold and for random signs |
 //! | vocabulary | `kinematics`, `shape` | places, directions, variables; functions of a variable |
-//! | atlas | `atlas` | every place, direction and variable with a free curve, ranked by held-out error |
+//! | atlas | `atlas`, `two_variables` | every place, direction and variable with a free curve, and pairs of variables, ranked by held-out error |
 //! | laws | `fit`, `law` | expressions for the best entries, with point, anchor and constants fitted in every fold |
 //! | delay | `delayed` | the same law of the motion as it was earlier |
 //! | diagnosis | `diagnosis` | what the best entry says without a law |
@@ -41,11 +41,11 @@ mod near_joint;
 mod next;
 mod off_link;
 mod one_law;
-mod resistance;
 mod result;
 mod search;
 mod shape;
 mod stated;
+mod two_variables;
 mod with_contact;
 mod wording;
 mod work;

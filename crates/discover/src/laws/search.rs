@@ -214,7 +214,7 @@ impl Searched<'_, '_> {
         if let (0, false, None, Some(law)) = (number, person, &against, &law) {
             let of_one = || with_contact::against(session, problem, catalogue.named, &law.best, options.seed);
             let together = catalogue.together.as_ref();
-            against = together.map_or_else(of_one, |t| t.against(&law.best, options.seed));
+            against = together.map_or_else(of_one, |t| t.against(session, &law.best, options.seed));
         }
         let mut out = Round { clusters: of_some.clusters.len(), atlas, diagnosis, law: None, next: None, against };
         let Some(OneLaw { best: found, rival, mut also }) = law else { return Some(Some(out)) };

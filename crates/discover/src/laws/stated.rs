@@ -5,9 +5,11 @@ use super::fit::Fitted;
 use super::kinematics::Carrier;
 use super::one_law::SIMPLER;
 use super::with_contact::IN_FLIGHT;
+use super::wording::fitted;
 use crate::candidate::Variant;
 use crate::problem::Domain;
 use crate::result::AgainstLaw;
+use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use crate::wording::domain;
 
@@ -67,6 +69,12 @@ impl AgainstLaw {
     pub(crate) fn is_worth_telling(&self) -> bool {
         self.error_ratio < WORTH_TELLING && self.p_value < TRUER
     }
+
+    /// True if the law predicts about as well as the effect, neither clearly better nor clearly
+    /// worse: the recordings do not tell the two apart.
+    pub fn is_as_good(&self) -> bool {
+        (WORTH_TELLING..=WORTH_TELLING.recip()).contains(&self.error_ratio)
+    }
 }
 
 /// A law as accepted in its round.
@@ -122,13 +130,14 @@ pub(crate) struct Together {
 
 impl Together {
     /// The effects beside a law that was fitted to the same flights.
-    pub(super) fn against(&self, law: &Fitted, seed: u64) -> Option<AgainstLaw> {
+    pub(super) fn against(&self, session: &Session<'_>, law: &Fitted, seed: u64) -> Option<AgainstLaw> {
         let squared: f64 = self.errors.iter().sum();
         (self.errors.len() == law.errors.len()).then(|| AgainstLaw {
             effect: self.effects.join("` and `"),
             judged_on: domain(Domain::Flight).to_owned(),
             error_ratio: (law.error() / squared).sqrt(),
             p_value: sign_flip_p(&law.errors, &self.errors, 2000, seed ^ 0xf02a),
+            law: fitted(session, law),
         })
     }
 }
@@ -195,7 +204,8 @@ mod tests {
     #[test]
     fn a_law_takes_the_place_of_an_effect_only_if_it_leaves_clearly_less() {
         let of = |on: Domain, error_ratio, p_value| {
-            let a = AgainstLaw { effect: "effect".to_owned(), judged_on: domain(on).to_owned(), error_ratio, p_value };
+            let (effect, judged_on) = ("effect".to_owned(), domain(on).to_owned());
+            let a = AgainstLaw { effect, judged_on, error_ratio, p_value, law: String::new() };
             [a.is_for_the_law(), a.is_against_the_effect(), a.is_worth_telling()]
         };
         let said = |error_ratio, p_value| of(Domain::Both, error_ratio, p_value);
@@ -207,5 +217,18 @@ mod tests {
         assert_eq!(of(Domain::Flight, 0.97, 0.001), [true; 3]);
         assert_eq!(of(Domain::Flight, 0.99, 0.001), [false; 3]);
         assert_eq!(of(Domain::Flight, 0.97, 0.02), [false; 3]);
+    }
+
+    #[test]
+    fn a_law_that_leaves_about_as_much_error_is_as_good() {
+        let of = |error_ratio| AgainstLaw {
+            effect: "effect".to_owned(),
+            judged_on: domain(Domain::Flight).to_owned(),
+            error_ratio,
+            p_value: 1.0,
+            law: "law".to_owned(),
+        };
+        assert_eq!([0.97, 0.99, 1.0, 1.01, 1.05].map(|r| of(r).is_as_good()), [false, true, true, true, false]);
+        assert!(!of(f64::NAN).is_as_good());
     }
 }

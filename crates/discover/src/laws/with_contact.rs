@@ -12,7 +12,8 @@ use super::evidence::{DRAWS, Evidence};
 use super::fit::{self, Fitted, STEPS, TRIED, places};
 use super::kinematics::{Action, Carrier, Direction, Variable};
 use super::one_law::{OneLaw, one_law};
-use super::resistance::{Resistance, resistance, without_idle_factors};
+use super::two_variables::{Resistance, resistance, without_idle_factors};
+use super::wording;
 use crate::candidate::{Scored, Variant};
 use crate::nonlinear::{best_starts, fitted_anew};
 use crate::options::DiscoverOptions;
@@ -181,6 +182,7 @@ pub(super) fn against(
         judged_on: domain(problem.domain).to_owned(),
         error_ratio: (law.error() / error(&best)).sqrt(),
         p_value: sign_flip_p(&law.errors, &best.fold_error, 2000, seed ^ 0xf02a),
+        law: wording::fitted(session, law),
     })
 }
 

@@ -129,10 +129,15 @@ pub(crate) fn law(scene: &Scene, law: &Law, nonlinear: &[f64], theta: &DVector<f
     text
 }
 
+/// A fitted law in words.
+pub(super) fn fitted(session: &Session<'_>, f: &Fitted) -> String {
+    law(session.scene, &f.law, &f.nonlinear, &f.theta, work(session, f))
+}
+
 /// A law of a round while the search goes on; `ratio` is the share that it leaves of the error
 /// before the round, `further` if laws of rounds before it are in the model.
 pub(super) fn law_so_far(session: &Session<'_>, f: &Fitted, ratio: f64, further: bool) -> String {
-    let text = law(session.scene, &f.law, &f.nonlinear, &f.theta, work(session, f));
+    let text = fitted(session, f);
     let left = 100.0 * ratio;
     if further {
         format!("a further law leaves {left:.0} % of the error in flight that remained: {text}")

@@ -1,6 +1,6 @@
-//! Entries of the atlas for a resistance that grows with the speed and depends on a second
-//! variable: a drag that falls with the height, or on a link that turns its broad side to the flow;
-//! and which entries of two variables are kept.
+//! Entries of the atlas whose strength depends on two variables: a resistance that grows with the
+//! speed and depends on something else (a drag that falls with the height, or on a link that turns
+//! its broad side to the flow), a product of two places, angles or times; and which are kept.
 
 use super::atlas::{ENDS, Group, PlaceFrames, SPLINES, splines};
 use super::kinematics::{Action, Direction, Variable};
@@ -39,6 +39,23 @@ pub(super) fn resistance(frames: &PlaceFrames<'_>, variable: Variable) -> Option
     Some(Resistance { speed, range, weight: frames.values(variable, &none).iter().zip(&speeds).map(of).collect() })
 }
 
+/// Entries whose strength is a product of two places, angles or times: `like` with both variables,
+/// and [xy, x, y] in every frame, by series, so that one of them may be counted from any zero. `of`
+/// are variables with ranges and values.
+pub(super) fn of_two_places<'v>(
+    of: &'v [(Variable, Range, Vec<Vec<f64>>)],
+    like: &'v Group,
+) -> impl Iterator<Item = (Group, Vec<Vec<f64>>)> + 'v {
+    let places = || of.iter().filter(|p| !p.0.is_rate());
+    let pairs =
+        places().enumerate().flat_map(move |(i, first)| places().skip(i + 1).map(move |second| (first, second)));
+    pairs.map(move |((first, range, x), (second, of_second, y))| {
+        let of_both = |(x, y): (&f64, &f64)| [x * y, *x, *y];
+        let weight = x.iter().zip(y).map(|(x, y)| x.iter().zip(y).flat_map(of_both).collect()).collect();
+        (Group { variable: *first, range: *range, second: Some((*second, *of_second)), ..like.clone() }, weight)
+    })
+}
+
 /// Drops resistances with a second variable, and products of two places or angles, that leave
 /// hardly less error than those of one variable in the same place: what depends on one variable
 /// fits with every second one.
@@ -62,5 +79,11 @@ impl Group {
     /// True for a product of two variables that are no rates.
     pub fn is_of_two_places(&self) -> bool {
         self.second.is_some_and(|(second, _)| !self.variable.is_rate() && !second.is_rate())
+    }
+
+    /// True if the strength depends on one variable, or on one of the pairs that flows and spins
+    /// follow.
+    pub fn is_one_dependence(&self) -> bool {
+        self.second.is_none_or(|(second, _)| Variable::pairs_of(self.action).contains(&(self.variable, second)))
     }
 }
