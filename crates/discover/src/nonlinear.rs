@@ -69,7 +69,8 @@ fn with_derivatives(
     Some(out)
 }
 
-/// Damped step of the nonlinear parameters from Gram and right side of `[C | J]`.
+/// Damped step of the nonlinear parameters from Gram and right side of `[C | J]`. A parameter at a
+/// bound that the step would leave stays there, and the others move without it.
 fn step(
     s: &DMatrix<f64>,
     c: &DVector<f64>,
@@ -84,12 +85,24 @@ fn step(
         let d = s[(k + j, k + j)];
         damped[(k + j, k + j)] += damping * d.max(1e-300);
     }
-    let x = pseudo_solve(&damped, c);
-    parameters
-        .iter()
-        .enumerate()
-        .map(|(j, q)| (p[j] + x[k + j].clamp(-reach * q.scale, reach * q.scale)).clamp(q.lower, q.upper))
-        .collect()
+    let mut moving: Vec<usize> = (0..c.len()).collect();
+    loop {
+        let gram = DMatrix::from_fn(moving.len(), moving.len(), |i, j| damped[(moving[i], moving[j])]);
+        let x = pseudo_solve(&gram, &DVector::from_fn(moving.len(), |i, _| c[moving[i]]));
+        let mut to = p.to_vec();
+        let mut stay = Vec::new();
+        for (&i, x) in moving.iter().zip(x.iter()).filter(|(i, _)| **i >= k) {
+            let (q, from) = (&parameters[i - k], p[i - k]);
+            if (from <= q.lower && *x < 0.0) || (from >= q.upper && *x > 0.0) {
+                stay.push(i);
+            }
+            to[i - k] = (from + x.clamp(-reach * q.scale, reach * q.scale)).clamp(q.lower, q.upper);
+        }
+        if stay.is_empty() {
+            return to;
+        }
+        moving.retain(|i| !stay.contains(i));
+    }
 }
 
 /// Improves a variant from its values of the nonlinear parameters by at most `steps` steps; returns
@@ -375,4 +388,24 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
         out.fold_error.push(fold.error);
     }
     Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A joint step that leaves a bound moves the other parameter too far; without the first one it
+    /// reaches the best value beside the bound.
+    #[test]
+    fn a_parameter_at_its_bound_does_not_carry_the_others_along() {
+        let parameters = ["a", "b"].map(|name| NonlinearParameter::new(name, "1", 0.0, 8.0, 1.0));
+        let s = DMatrix::from_row_slice(3, 3, &[1.0, 0.0, 0.0, 0.0, 1.0, 0.9, 0.0, 0.9, 1.0]);
+        let c = DVector::from_row_slice(&[0.5, -1.0, 0.2]);
+        let at = |p: [f64; 2]| step(&s, &c, &parameters, &p, 0.0, 8.0);
+        let bound = at([0.0, 1.0]);
+        assert!(bound[0] == 0.0 && (bound[1] - 1.2).abs() < 1e-12, "{bound:?}");
+        // inside its range it moves, up to the bound
+        let inside = at([1.0, 1.0]);
+        assert!(inside[0] == 0.0 && inside[1] > 6.0, "{inside:?}");
+    }
 }
