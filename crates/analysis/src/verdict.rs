@@ -93,7 +93,7 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     // a law that does better would have taken the effect's place
     let law = d.against.as_ref().map_or(String::new(), |a| {
         let alike = if a.is_as_good() && !a.law.is_empty() {
-            format!("; these recordings do not tell effect and law apart; the law is {}", a.law)
+            format!("; these recordings cannot tell the effect from that law: {}", a.law)
         } else {
             String::new()
         };
@@ -220,9 +220,7 @@ mod tests {
         );
         let words = words_with(1.002);
         assert!(
-            words.ends_with(
-                "contact; these recordings do not tell effect and law apart; the law is a force towards a point"
-            ),
+            words.ends_with("contact; these recordings cannot tell the effect from that law: a force towards a point"),
             "{words}"
         );
         assert!(!how_sure(&two_of_plates([None, None])).unwrap().contains("beyond the catalogue"));
