@@ -210,7 +210,7 @@ class Laboratories:
         if done.returncode and not done.stdout:
             raise RuntimeError(done.stderr[-500:])
         found = json.loads(done.stdout)
-        kept = {k: found.get(k) for k in ("verdict", "effects", "words", "noise_floor", "noise_floor_ci95", "held_out_error", "held_out_error_after", "open", "groups")}
+        kept = {k: found.get(k) for k in ("verdict", "effects", "words", "noise_floor", "noise_floor_ci95", "held_out_error", "held_out_error_after", "open", "groups", "against")}
         if kept["open"]:
             kept["open"] = {**kept["open"], "atlas": (kept["open"].get("atlas") or [])[:5]}
         # the stated mass is said to be wrong before any effect is looked for
@@ -221,7 +221,7 @@ class Laboratories:
             kept["leaves"].setdefault(made["judged_on"], {c["effect"]: c["held_out_ratio"] for c in made["candidates"] if not c["placebo"]})
         kept["found"] = [f["key"] for f in found.get("found", [])]
         kept["also_on"] = {f["key"]: f.get("also_on", []) for f in found.get("found", [])}
-        kept["estimates"] = {f"{f['key']}.{c['name']}": [c["value"], *(c["ci95"] or [None, None])] for f in found.get("found", []) for c in f["coefficients"]}
+        kept["estimates"] = {f"{f['key']}.{c['name']}": [c["value"], *(c["ci95"] or [None, None])] for f in found.get("found", []) for c in f["coefficients"] + f["nonlinear"]}
         line = {"held_out": error, "floor": floor, "discover_s": round(time.time() - start, 2), "answer": kept}
         if self.follows:
             line["followed"] = self.followed(folder, found)

@@ -141,7 +141,7 @@ def drawn(body, rng):
 
 
 def true_values(hidden):
-    """Coefficients of hidden effects as the program would report them: key and coefficient to value."""
+    """Coefficients and places of hidden effects as the program would report them: key and name to value."""
     out = {}
     for h in hidden:
         kind, on = h["effect"], f"[{h['link']}]" if "link" in h else ""
@@ -160,7 +160,20 @@ def true_values(hidden):
             "body_mass": lambda: {"body_mass.mass_error": -h["error_kg"]},
             "plate_time_offset": lambda: {"plate_time_offset.delay": h["offset_s"]},
         }.get(kind, dict)()
+        # places in the room, and on the link (its origin, if none is stated)
+        out |= {
+            "tether": lambda: {**axes("anchor", h["anchor_m"]), f"tether{on}.rest_length": h["rest_length_m"]},
+            "crane": lambda: axes("pulley", h["pulley_m"]),
+            "rotor": lambda: {f"rotor{on}.frequency": h["frequency_hz"]},
+        }.get(kind, dict)()
+        if kind in ("payload", "added_mass", "constant_force", "tether", "crane"):
+            out |= axes("point", h.get("point_m", [0.0, 0.0, 0.0]))
     return out
+
+
+def is_place(name):
+    """True for parameters in which an effect is not linear: places, a rest length, a frequency."""
+    return name.rpartition(".")[2].startswith(("anchor_", "pulley_", "point_", "rest_length", "frequency"))
 
 
 def true_links(hidden):
@@ -339,18 +352,25 @@ def links(lines):
 
 
 def intervals(lines):
-    """How often the intervals of effects that were named contain the truth; a set counts as a whole and by coefficient."""
+    """How often the intervals of effects that were named contain the truth; a set counts as a whole and by coefficient. Sizes and
+    places apart."""
+    for what in ("coefficients", "places, lengths and frequencies"):
+        contained(lines, what, lambda name: is_place(name) == (what != "coefficients"))
+
+
+def contained(lines, what, of):
+    """The intervals of the values whose names `of` accepts."""
     inside, sets, errors = [], [], []
     for line in lines:
         known, found = line.get("true_values") or {}, (line.get("answer") or {}).get("estimates") or {}
-        pairs = [(x, found[name]) for name, x in known.items() if name in found and found[name][1] is not None]
+        pairs = [(x, found[name]) for name, x in known.items() if of(name) and name in found and found[name][1] is not None]
         within = [low <= x <= high for x, (_, low, high) in pairs]
         inside += within
         sets += [all(within)] if within else []
-        errors += [2 * abs(value - x) / (high - low) for x, (value, low, high) in pairs]
+        errors += [2 * abs(value - x) / (high - low) if high > low else math.inf for x, (value, low, high) in pairs]
     if inside:
         errors.sort()
-        print(f"\nintervals of coefficients that contain the truth: {interval(sum(inside), len(inside))} of {len(inside)}, all of a set {interval(sum(sets), len(sets))} "
+        print(f"\nintervals of {what} that contain the truth: {interval(sum(inside), len(inside))} of {len(inside)}, all of a set {interval(sum(sets), len(sets))} "
               f"of {len(sets)}; error over half of the interval: median {errors[len(errors) // 2]:.2f}, largest {errors[-1]:.2f}")
 
 
