@@ -1,7 +1,7 @@
 //! The verdict of a discovery in its documented words, for the terminal and the report.
 
 use aloft_compare::significant;
-use aloft_discover::{Candidate, Discovery, Estimate, Group, Verdict};
+use aloft_discover::{AgainstLaw, Candidate, Discovery, Estimate, Group, Verdict};
 use aloft_effects::EffectKind;
 
 fn group(g: &Group) -> String {
@@ -92,11 +92,7 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     };
     // a law that does better would have taken the effect's place
     let law = d.against.as_ref().map_or(String::new(), |a| {
-        let alike = if a.is_as_good() && !a.law.is_empty() {
-            format!("; these recordings cannot tell the effect from that law: {}", a.law)
-        } else {
-            String::new()
-        };
+        let alike = if a.is_as_good() && !a.law.is_empty() { as_well(a) } else { String::new() };
         format!(
             "; the best law beyond the catalogue leaves {:.2} times the error of `{}` in {}{alike}",
             a.error_ratio, a.effect, a.judged_on
@@ -108,6 +104,15 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
         percent(best.ci95[0]),
         percent(best.ci95[1]),
     ))
+}
+
+/// What is said of a law that predicts as well as the effect: by how much its force differs, and
+/// that the recordings do not tell which of the two acts.
+fn as_well(a: &AgainstLaw) -> String {
+    let differs = a
+        .difference
+        .map_or(String::new(), |d| format!(" and its force differs by {} % there", significant(100.0 * d, 2)));
+    format!("{differs}; these recordings cannot tell the effect from that law: {}", a.law)
 }
 
 /// What the ladder will show of several effects found: the first of them, where that differs from
@@ -204,12 +209,13 @@ mod tests {
     #[test]
     fn the_best_law_of_another_form_is_part_of_the_evidence() {
         let words_with = |error_ratio: f64| {
-            let against = aloft_discover::AgainstLaw {
+            let against = AgainstLaw {
                 effect: "a".to_owned(),
                 judged_on: "flight and contact".to_owned(),
                 error_ratio,
                 p_value: 1.0,
                 law: "a force towards a point".to_owned(),
+                difference: Some(0.0443),
             };
             how_sure(&Discovery { against: Some(against), ..two_of_plates([None, None]) }).unwrap()
         };
@@ -220,7 +226,9 @@ mod tests {
         );
         let words = words_with(1.002);
         assert!(
-            words.ends_with("contact; these recordings cannot tell the effect from that law: a force towards a point"),
+            words.ends_with(
+                "in flight and contact and its force differs by 4.4 % there; these recordings cannot tell the effect from that law: a force towards a point"
+            ),
             "{words}"
         );
         assert!(!how_sure(&two_of_plates([None, None])).unwrap().contains("beyond the catalogue"));

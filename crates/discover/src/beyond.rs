@@ -158,6 +158,7 @@ pub(crate) fn look_beyond(
         far_in_contact,
         named: &members,
         together,
+        one_effect: named && kept.len() == 1,
         only_compared: compared && !asked,
     };
     let Some((made, against)) = crate::laws::search(session, accepted, rival, &taken, until, options) else { return };

@@ -368,6 +368,11 @@ pub struct AgainstLaw {
     /// The law, in words.
     #[serde(default)]
     pub law: String,
+    /// Root mean square of what the law's force differs from the effect's by in these recordings,
+    /// over that of the effect's force; what inertial parameters can take up does not count. None
+    /// for several effects together.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub difference: Option<f64>,
 }
 
 /// What is compared in results that were written without this field.

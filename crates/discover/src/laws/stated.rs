@@ -115,6 +115,8 @@ pub(crate) struct Rivals<'v, 'a> {
     pub named: &'v [Variant<'a>],
     /// Effects that are missing together.
     pub together: Option<Together>,
+    /// True if the catalogue names a single effect.
+    pub one_effect: bool,
     /// True if nothing is held against the named effects: the first law is compared with them, and
     /// the search ends unless it does better.
     pub only_compared: bool,
@@ -138,6 +140,7 @@ impl Together {
             error_ratio: (law.error() / squared).sqrt(),
             p_value: sign_flip_p(&law.errors, &self.errors, 2000, seed ^ 0xf02a),
             law: fitted(session, law),
+            difference: None,
         })
     }
 }
@@ -205,7 +208,7 @@ mod tests {
     fn a_law_takes_the_place_of_an_effect_only_if_it_leaves_clearly_less() {
         let of = |on: Domain, error_ratio, p_value| {
             let (effect, judged_on) = ("effect".to_owned(), domain(on).to_owned());
-            let a = AgainstLaw { effect, judged_on, error_ratio, p_value, law: String::new() };
+            let a = AgainstLaw { effect, judged_on, error_ratio, p_value, law: String::new(), difference: None };
             [a.is_for_the_law(), a.is_against_the_effect(), a.is_worth_telling()]
         };
         let said = |error_ratio, p_value| of(Domain::Both, error_ratio, p_value);
@@ -227,6 +230,7 @@ mod tests {
             error_ratio,
             p_value: 1.0,
             law: "law".to_owned(),
+            difference: None,
         };
         assert_eq!([0.97, 0.99, 1.0, 1.01, 1.05].map(|r| of(r).is_as_good()), [false, true, true, true, false]);
         assert!(!of(f64::NAN).is_as_good());

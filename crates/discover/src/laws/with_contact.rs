@@ -183,7 +183,23 @@ pub(super) fn against(
         error_ratio: (law.error() / error(&best)).sqrt(),
         p_value: sign_flip_p(&law.errors, &best.fold_error, 2000, seed ^ 0xf02a),
         law: wording::fitted(session, law),
+        difference: difference(session, problem, &best, law),
     })
+}
+
+/// Root mean square of the difference of a law's rows from those of an effect, over that of the
+/// effect's, with the inertial parameters projected out.
+fn difference(session: &Session<'_>, problem: &Problem, effect: &Scored<'_>, law: &Fitted) -> Option<f64> {
+    let of_effect = effect.variant.columns_at(session, problem, &effect.variant.nonlinear)?;
+    let of_law = problem.gather(&session.columns(&law.law, Target::Body, &law.nonlinear, problem.domain)?);
+    let both: Vec<DMatrix<f64>> = of_effect
+        .iter()
+        .zip(&of_law)
+        .map(|(e, l)| DMatrix::from_columns(&[e * &effect.theta, l * &law.theta]))
+        .collect();
+    let (s, _) = problem.reduce_all(&both);
+    let squared = (s[(0, 0)] - 2.0 * s[(0, 1)] + s[(1, 1)]).max(0.0) / s[(0, 0)];
+    Some(squared.sqrt()).filter(|d| d.is_finite())
 }
 
 /// A law of both with its held-out errors on flights.
