@@ -36,7 +36,7 @@ const MOST_FITTED: usize = 60;
 /// Largest number of laws.
 const ROUNDS: usize = 3;
 /// Error of the first law over that of the one effect that is named, above which no further laws
-/// are sought: several laws in place of one effect are no simpler answer. Of some 350 answers to
+/// are sought: several laws in place of one effect are no simpler answer. Of 279 answers to
 /// laws (chains of seeds 11121, 11131 and 11171, people of 11211) three state several laws; the
 /// first of them left at most 0.7 times the error of the best effect.
 const FAR_BEHIND: f64 = 1.5;
