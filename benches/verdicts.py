@@ -124,9 +124,9 @@ def drawn(body, rng):
             return lambda s: [(where, [one(s)], capture), (where, [], capture)], [names], "part", kind, "flight"
         if case == "two":
             second, other, more = chain_effect(rng)
-            # wind contains drag in still air: two of them are one
-            air = {"wind", "quadratic_drag", "linear_drag"}
-            if second not in ("payload", kind) and not {kind, second} <= air:
+            # wind contains drag in still air, and a rotor contains a flywheel: two of them are one
+            same = [{"wind", "quadratic_drag", "linear_drag"}, {"rotor", "flywheel"}]
+            if second not in ("payload", kind) and not any({kind, second} <= of for of in same):
                 return lambda s: [(where, [one(s), other(s)], capture)], [names, more], "two", f"{kind} + {second}", "flight"
         return lambda s: [(where, [one(s)], capture)], [names], "one", kind, "flight"
     where["person"]["variation"] = round(rng.uniform(0.5, 1.5), 2)

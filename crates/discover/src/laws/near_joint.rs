@@ -46,6 +46,11 @@ pub(super) mod tests {
 
     /// A trunk and an arm with its joint at a point of the trunk, m.
     pub(in super::super) fn trunk_and_arm(joint_m: [f64; 3]) -> Result<Model, aloft_body::BodyError> {
+        Model::from_spec(&trunk_and_arm_spec(joint_m))
+    }
+
+    /// The links of [`trunk_and_arm`].
+    pub(in super::super) fn trunk_and_arm_spec(joint_m: [f64; 3]) -> ModelSpec {
         let link = |name: &str, parent: Option<&str>, joint, position_m| LinkSpec {
             name: name.to_owned(),
             parent: parent.map(str::to_owned),
@@ -58,7 +63,7 @@ pub(super) mod tests {
             link("trunk", None, JointSpec::Free, [0.0; 3]),
             link("arm", Some("trunk"), JointSpec::RevoluteZ, joint_m),
         ];
-        Model::from_spec(&ModelSpec::new("two".into(), links))
+        ModelSpec::new("two".into(), links)
     }
 
     #[test]

@@ -21,6 +21,10 @@ pub(super) const ALSO: f64 = 1.05;
 /// depth of a chest, which is the largest.
 const OFF_M: f64 = 0.12;
 
+/// Largest distance of a point of a limb beyond the centre of a joint at its end, m: the shoulder
+/// and the heel extend about as far. Farther out the body there is that of the next link.
+const BEYOND_JOINT_M: f64 = 0.05;
+
 /// The law that is stated first of those of a person, best first: the best one, or if its point is
 /// not on its link, the best of those that explain as much with a point on theirs.
 pub(super) fn on_its_link(scene: &Scene, laws: &[Fitted]) -> Option<usize> {
@@ -55,11 +59,27 @@ pub(super) fn on_neighbours(session: &Session<'_>, problem: &Problem, laws: &[Fi
     neighbours.into_par_iter().filter_map(on).collect()
 }
 
-/// True if the point of a force lies farther from its link than a link is thick.
+/// True if the point of a force lies farther from its link than a link is thick, or beyond a joint
+/// at its end.
 fn is_off(scene: &Scene, f: &Fitted) -> bool {
     let (Carrier::Link(link), Action::Force) = (f.law.carrier, f.law.action) else { return false };
     let (point, _, _) = f.law.divided(&f.nonlinear);
-    distance(scene, link, &point) > OFF_M
+    distance(scene, link, &point) > OFF_M || beyond_joint(scene, link, &point) > BEYOND_JOINT_M
+}
+
+/// How far a point (link frame, m) lies beyond the joints at the ends of a limb, along it; negative
+/// between them. A limb has one joint to a next link, or none; other links have no ends.
+fn beyond_joint(scene: &Scene, link: usize, point: &Vector3<f64>) -> f64 {
+    let links = &scene.model.links;
+    let mut children = links.iter().filter(|l| l.parent == Some(link));
+    let (next, further) = (children.next(), children.next());
+    if links[link].parent.is_none() || further.is_some() {
+        return f64::NEG_INFINITY;
+    }
+    let end = next.map(|l| l.joint.parent_from_joint.translation.vector);
+    let Some(along) = end.unwrap_or(scene.link_com_m[link]).try_normalize(1e-9) else { return f64::NEG_INFINITY };
+    let at = point.dot(&along);
+    end.map_or(-at, |end| (at - end.norm()).max(-at))
 }
 
 /// Distance of a point (link frame, m) from the lines from a link's joint to those of its children;
@@ -82,7 +102,7 @@ mod tests {
     use super::*;
     use crate::laws::kinematics::Direction;
     use crate::laws::law::{Law, PointIs};
-    use crate::laws::near_joint::tests::trunk_and_arm;
+    use crate::laws::near_joint::tests::{trunk_and_arm, trunk_and_arm_spec};
     use nalgebra::DVector;
 
     fn law(carrier: usize, point: [f64; 3], error: f64) -> Fitted {
@@ -119,6 +139,35 @@ mod tests {
         // nor where the first point is on its link
         assert_eq!(on_its_link(&scene, &[law(1, [0.0, -0.3, 0.05], 1.0), beside]), Some(0));
         assert_eq!(on_its_link(&scene, &[]), None);
+        // 60 mm beyond its own joint, towards the trunk
+        let past = law(1, [0.0, 0.06, 0.0], 1.0);
+        assert_eq!(on_its_link(&scene, &[past, law(0, [0.0, 0.35, 0.15], 1.05)]), Some(1));
+        let near = law(1, [0.0, 0.04, 0.0], 1.0);
+        assert_eq!(on_its_link(&scene, &[near, law(0, [0.0, 0.35, 0.15], 1.05)]), Some(0));
+        Ok(())
+    }
+
+    #[test]
+    fn a_limb_ends_at_its_joints() -> Result<(), Box<dyn std::error::Error>> {
+        // a forearm of 0.24 m with a hand: the law of a point 0.31 m from the elbow belongs to the hand
+        let mut spec = trunk_and_arm_spec([0.0, 0.4, 0.2]);
+        spec.links.push(aloft_body::LinkSpec {
+            name: "hand".to_owned(),
+            parent: Some("arm".to_owned()),
+            position_m: [0.0, -0.24, 0.0],
+            ..spec.links[1].clone()
+        });
+        let model = aloft_body::Model::from_spec(&spec)?;
+        let phi: Vec<_> = vec![aloft_body::Phi::zeros(); 3];
+        let mut scene = Scene::new(&model, &phi, &[]);
+        scene.link_com_m =
+            vec![Vector3::new(0.0, 0.2, 0.0), Vector3::new(0.0, -0.12, 0.0), Vector3::new(0.0, -0.08, 0.0)];
+        let beyond = |link: usize, y: f64| beyond_joint(&scene, link, &Vector3::new(0.0, y, 0.0));
+        assert!((beyond(1, -0.31) - 0.07).abs() < 1e-12 && (beyond(1, -0.1) + 0.1).abs() < 1e-12);
+        assert!((beyond(2, 0.03) - 0.03).abs() < 1e-12 && beyond(2, -0.3) < 0.0);
+        assert_eq!(beyond(0, 9.0), f64::NEG_INFINITY);
+        assert!(is_off(&scene, &law(1, [0.0, -0.311, 0.034], 1.0)));
+        assert!(!is_off(&scene, &law(1, [0.0, -0.28, 0.0], 1.0)));
         Ok(())
     }
 }
