@@ -106,14 +106,20 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     ))
 }
 
-/// What is said of a law that predicts as well as the effect: by how much its force differs, and
-/// that the recordings do not tell which of the two acts.
+/// What is said of a law that predicts as well as the effect: that it is the same force, or by how
+/// much it differs and that the recordings do not tell which of the two acts.
 fn as_well(a: &AgainstLaw) -> String {
+    if a.difference.is_some_and(|d| d < SAME_FORCE) {
+        return format!(" and is the same force to less than {:.0} %: {}", 100.0 * SAME_FORCE, a.law);
+    }
     let differs = a
         .difference
         .map_or(String::new(), |d| format!(" and its force differs by {} % there", significant(100.0 * d, 2)));
     format!("{differs}; these recordings cannot tell the effect from that law: {}", a.law)
 }
+
+/// Difference of two forces, as a share of one of them, below which they are called the same.
+const SAME_FORCE: f64 = 0.01;
 
 /// What the ladder will show of several effects found: the first of them, where that differs from
 /// what it leaves in the ranking (there it has its own best values and other held-out motion), and
@@ -208,27 +214,32 @@ mod tests {
 
     #[test]
     fn the_best_law_of_another_form_is_part_of_the_evidence() {
-        let words_with = |error_ratio: f64| {
+        let words_with = |error_ratio: f64, difference: f64| {
             let against = AgainstLaw {
                 effect: "a".to_owned(),
                 judged_on: "flight and contact".to_owned(),
                 error_ratio,
                 p_value: 1.0,
                 law: "a force towards a point".to_owned(),
-                difference: Some(0.0443),
+                difference: Some(difference),
             };
             how_sure(&Discovery { against: Some(against), ..two_of_plates([None, None]) }).unwrap()
         };
-        let words = words_with(1.034);
+        let words = words_with(1.034, 0.2);
         assert!(
             words.ends_with("beyond the catalogue leaves 1.03 times the error of `a` in flight and contact"),
             "{words}"
         );
-        let words = words_with(1.002);
+        let words = words_with(1.002, 0.0443);
         assert!(
             words.ends_with(
                 "in flight and contact and its force differs by 4.4 % there; these recordings cannot tell the effect from that law: a force towards a point"
             ),
+            "{words}"
+        );
+        let words = words_with(1.002, 0.003);
+        assert!(
+            words.ends_with("in flight and contact and is the same force to less than 1 %: a force towards a point"),
             "{words}"
         );
         assert!(!how_sure(&two_of_plates([None, None])).unwrap().contains("beyond the catalogue"));

@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_limb_ends_at_its_joints() -> Result<(), Box<dyn std::error::Error>> {
-        // a forearm of 0.24 m with a hand: the law of a point 0.31 m from the elbow belongs to the hand
+        // a forearm of 0.24 m with a hand: a point 0.31 m from the elbow belongs to the hand
         let mut spec = trunk_and_arm_spec([0.0, 0.4, 0.2]);
         spec.links.push(aloft_body::LinkSpec {
             name: "hand".to_owned(),
