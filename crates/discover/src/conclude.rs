@@ -289,9 +289,9 @@ pub(crate) fn conclude(
             let nothing = kept.is_empty() && verdict == Verdict::NothingMissing;
             let remains = (nothing || lost) && after.is_above();
             // plates explain nothing of flights: what is above the floor there may be in contact,
-            // too
+            // too, unless the model that contact identifies as well reaches it
             let only_plates = i == 0 && !kept.is_empty() && !kept.iter().any(|v| v.effect.acts().in_flight());
-            if only_plates && has_flights && before.is_above() {
+            if only_plates && has_flights && before.is_above() && after.is_above() {
                 return Some((wording::domain(places[i]), before));
             }
             (after.is_far() || misfit || remains).then(|| (wording::domain(places[i]), after))
