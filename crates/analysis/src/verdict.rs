@@ -110,11 +110,10 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
 /// much it differs and that the recordings do not tell which of the two acts.
 fn as_well(a: &AgainstLaw) -> String {
     if a.difference.is_some_and(|d| d < SAME_FORCE) {
-        return format!(" and is the same force to less than {:.0} %: {}", 100.0 * SAME_FORCE, a.law);
+        return format!(", and its force is the same to within {:.0} %: {}", 100.0 * SAME_FORCE, a.law);
     }
-    let differs = a
-        .difference
-        .map_or(String::new(), |d| format!(" and its force differs by {} % there", significant(100.0 * d, 2)));
+    let differs =
+        a.difference.map_or(String::new(), |d| format!(", and its force differs by {} %", significant(100.0 * d, 2)));
     format!("{differs}; these recordings cannot tell the effect from that law: {}", a.law)
 }
 
@@ -233,13 +232,13 @@ mod tests {
         let words = words_with(1.002, 0.0443);
         assert!(
             words.ends_with(
-                "in flight and contact and its force differs by 4.4 % there; these recordings cannot tell the effect from that law: a force towards a point"
+                "in flight and contact, and its force differs by 4.4 %; these recordings cannot tell the effect from that law: a force towards a point"
             ),
             "{words}"
         );
         let words = words_with(1.002, 0.003);
         assert!(
-            words.ends_with("in flight and contact and is the same force to less than 1 %: a force towards a point"),
+            words.ends_with("in flight and contact, and its force is the same to within 1 %: a force towards a point"),
             "{words}"
         );
         assert!(!how_sure(&two_of_plates([None, None])).unwrap().contains("beyond the catalogue"));

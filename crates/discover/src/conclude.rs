@@ -288,8 +288,9 @@ pub(crate) fn conclude(
             // nothing is missing only where the error is at its floor
             let nothing = kept.is_empty() && verdict == Verdict::NothingMissing;
             let remains = (nothing || lost) && after.is_above();
-            // plates explain nothing of flights: what is above the floor there may be in contact,
-            // too, unless the model that contact identifies as well reaches it
+            // Effects of the plates act in contact only: an error above the floor in flight may act
+            // there, too. It is explained if flights are at the floor once contact helps to
+            // identify the body.
             let only_plates = i == 0 && !kept.is_empty() && !kept.iter().any(|v| v.effect.acts().in_flight());
             if only_plates && has_flights && before.is_above() && after.is_above() {
                 return Some((wording::domain(places[i]), before));

@@ -368,9 +368,9 @@ pub struct AgainstLaw {
     /// The law, in words.
     #[serde(default)]
     pub law: String,
-    /// Root mean square of what the law's force differs from the effect's by in these recordings,
-    /// over that of the effect's force; what inertial parameters can take up does not count. None
-    /// for several effects together.
+    /// Root mean square of the difference between the law's force and the effect's in these
+    /// recordings, as a share of the effect's. What inertial parameters can take up does not count.
+    /// None for several effects together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub difference: Option<f64>,
 }
