@@ -4,15 +4,19 @@
 For each scenario one line of JSON: verdict, and the errors in flight and in contact (newtons, multiples of the floor), before and after
 each addition. The pipeline is a copy in a temporary folder. Usage:
 
-  python3 benches/cases.py FOLDER [--only NAME,NAME] [--seeds 3] [--pipeline NAME=FILE] [--out OUT]
+  python3 benches/cases.py FOLDER [--only NAME,NAME] [--seeds 3] [--pipeline NAME=FILE] [--out OUT] [--check benches/cases.json]
 
 `--seeds N` repeats each scenario with N other seeds; `--pipeline` gives one of them another pipeline (groups of recordings).
+`--check FILE` compares with what a scenario has to come to, says where it does not, and then ends with exit code 1. For each scenario
+the file gives `hidden` (effects that must be named, and no class without one of them), `law` (its name), `to_correct` (words of what is
+to correct), `ends` (verdicts at the end), and `floors` (the largest errors at the end, in multiples of the floor).
 """
 
 import argparse
 import json
 import re
 import shlex
+import sys
 import tempfile
 from pathlib import Path
 
@@ -65,6 +69,28 @@ def follow(aloft, file, seed, given):
     return line
 
 
+def differences(line, wanted):
+    """Where a scenario did not come to what is wanted, in words."""
+    refused = [step["refused"] for step in [line, *line["steps"]] if "refused" in step]
+    if refused or not line["steps"]:
+        return refused or ["nothing was asked"]
+    last, classes = line["steps"][-1], [set(names) for step in line["steps"] for names in step["groups"]]
+    hidden, added = set(wanted["hidden"]), [step["added"] for step in line["steps"] if "added" in step]
+    out = [f"`{name}` was not named" for name in wanted["hidden"] if not any(name in names for names in classes)]
+    out += [f"{sorted(names)} was named" for names in classes if not names & hidden]
+    if "law" in wanted and not any(wanted["law"] in words for words in added):
+        out.append(f"no law `{wanted['law']}` was added")
+    if "to_correct" in wanted and wanted["to_correct"] not in line["steps"][0].get("to_correct", ""):
+        out.append(f"\"{wanted['to_correct']}\" is not to correct")
+    if last["verdict"] not in wanted["ends"]:
+        out.append(f"it ends with {last['verdict']}")
+    for of, most in wanted.get("floors", {}).items():
+        _, floors = last["errors"].get(of, (None, None))
+        if floors is None or floors > most:
+            out.append(f"it ends at {floors} times the floor in {of}, more than {most}")
+    return out
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
@@ -74,19 +100,27 @@ def main():
     parser.add_argument("--seeds", type=int, default=0)
     parser.add_argument("--first-seed", type=int, default=7001)
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--check", type=Path, metavar="FILE", help="what the scenarios have to come to")
     args = parser.parse_args()
+    expected = json.loads(args.check.read_text()) if args.check else {}
+    wrong = 0
     given = dict(p.split("=", 1) for p in args.pipeline)
     for file in sorted(args.folder.glob("*.yaml")):
         wanted = not args.only or file.stem in args.only.split(",")
         if not wanted or "kind:" not in file.read_text():
             continue
         for seed in [None, *range(args.first_seed, args.first_seed + args.seeds)]:
-            line = json.dumps(follow(args.aloft, file, seed, given.get(file.stem)))
+            made = follow(args.aloft, file, seed, given.get(file.stem))
+            line = json.dumps(made)
             print(line, flush=True)
             if args.out:
                 with open(args.out, "a") as out:
                     out.write(line + "\n")
+            for words in differences(made, expected[file.stem]) if file.stem in expected else []:
+                wrong += 1
+                print(f"{file.stem}, seed {seed or 'of the scenario'}: {words}", file=sys.stderr, flush=True)
+    return int(wrong > 0)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -4,7 +4,7 @@
 use crate::candidate::{Scored, Variant, pseudo_inverse, score, solve};
 use crate::groups::group;
 use crate::nonlinear::{FULL_STEPS, improve, score_fitted, with_joint_errors};
-use crate::problem::{Domain, OVERLAP, Problem, Reduced};
+use crate::problem::{Domain, FlippedFold, OVERLAP, Problem, Reduced};
 use crate::session::Session;
 use aloft_effects::{Effect, Target};
 use nalgebra::{DMatrix, DVector};
@@ -35,13 +35,32 @@ pub(crate) struct EffectScore<'a> {
     null: Vec<NullVariant>,
 }
 
+/// What a variant's folds need for sign flips.
 struct NullVariant {
+    /// `Cᵀr` by cluster.
     u: Vec<DVector<f64>>,
+    /// `AᵀC` by cluster.
     ac: Vec<DMatrix<f64>>,
+    /// By fold, the inverse of the Gram matrix and the columns of the judged rows, parameters
+    /// projected out.
     folds: Vec<(DMatrix<f64>, DMatrix<f64>)>,
     unknowns: usize,
     /// Bounds of a single coefficient.
     bounds: Option<(f64, f64)>,
+}
+
+impl NullVariant {
+    /// `AᵀC` over all clusters.
+    fn whole(&self) -> DMatrix<f64> {
+        let mut sum = DMatrix::zeros(self.ac[0].nrows(), self.ac[0].ncols());
+        self.ac.iter().for_each(|a| sum += a);
+        sum
+    }
+
+    /// `Cᵀr`, one column for each cluster.
+    fn right(&self) -> DMatrix<f64> {
+        DMatrix::from_columns(&self.u)
+    }
 }
 
 impl EffectScore<'_> {
@@ -336,63 +355,80 @@ fn screen<'a>(
 /// Smallest held-out ratio over all effects for each draw of random signs of the clusters'
 /// residuals.
 pub(crate) fn null_ratios(problem: &Problem, scores: &[EffectScore<'_>], draws: usize, seed: u64) -> Vec<f64> {
-    let flips = problem.flip_parts();
     let n = problem.clusters.len();
-    let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
     // few clusters have few sign patterns; flipping all signs together does not count as another
     // one
     let patterns = if n <= 12 { (1usize << (n - 1)) - 1 } else { usize::MAX };
-    (0..draws.min(patterns))
-        .into_par_iter()
-        .map(|draw| {
-            let signs: Vec<f64> = if patterns <= draws {
-                (0..n).map(|g| if g > 0 && ((draw + 1) >> (g - 1)) & 1 == 1 { -1.0 } else { 1.0 }).collect()
-            } else {
-                let mut rng = ChaCha8Rng::seed_from_u64(seed);
-                rng.set_stream(draw as u64);
-                (0..n).map(|_| if rng.random_bool(0.5) { 1.0 } else { -1.0 }).collect()
-            };
-            let folds = flips.folds(&signs);
-            let plain: f64 = folds.iter().map(|f| f.error).sum();
-            let best = scores
-                .iter()
-                .filter(|s| !s.placebo)
-                .map(|score| {
-                    let sums: Vec<(DVector<f64>, DMatrix<f64>)> = score
-                        .null
-                        .iter()
-                        .map(|v| {
-                            let u =
-                                v.u.iter().zip(&signs).fold(DVector::zeros(v.u[0].len()), |s, (u, sign)| s + u * *sign);
-                            let ac = v.ac.iter().fold(DMatrix::zeros(v.ac[0].nrows(), v.ac[0].ncols()), |s, a| s + a);
-                            (u, ac)
-                        })
-                        .collect();
-                    folds
-                        .iter()
-                        .enumerate()
-                        .map(|(g, fold)| {
-                            let n_train = n_rows - problem.clusters[g].n_rows as f64;
-                            let mut chosen = (f64::INFINITY, 0.0);
-                            for (v, (u, ac)) in score.null.iter().zip(&sums) {
-                                let c = u - &v.u[g] * signs[g] - (ac - &v.ac[g]).tr_mul(&fold.x);
-                                let mut theta = &v.folds[g].0 * &c;
-                                if let Some((lower, upper)) = v.bounds {
-                                    theta[0] = theta[0].clamp(lower, upper);
-                                }
-                                let worth = criterion(c.dot(&theta), fold.train, n_train, v.unknowns);
-                                if worth < chosen.0 {
-                                    chosen = (worth, (&fold.test - &v.folds[g].1 * theta).norm_squared());
-                                }
-                            }
-                            chosen.1
-                        })
-                        .sum::<f64>()
-                })
-                .fold(f64::INFINITY, f64::min);
-            (best / plain).sqrt()
+    let draws = draws.min(patterns);
+    if draws == 0 {
+        return Vec::new();
+    }
+    let signs_of = |draw: usize| -> Vec<f64> {
+        if patterns <= draws {
+            (0..n).map(|g| if g > 0 && ((draw + 1) >> (g - 1)) & 1 == 1 { -1.0 } else { 1.0 }).collect()
+        } else {
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            rng.set_stream(draw as u64);
+            (0..n).map(|_| if rng.random_bool(0.5) { 1.0 } else { -1.0 }).collect()
+        }
+    };
+    let signs: Vec<Vec<f64>> = (0..draws).map(signs_of).collect();
+    let parts = problem.flip_parts();
+    let folds: Vec<Vec<FlippedFold>> = signs.par_iter().map(|s| parts.folds(s)).collect();
+    let signs = DMatrix::from_fn(n, draws, |g, d| signs[d][g]);
+    // all draws of a fold together: what belongs to a variant is read once for all of them
+    let solutions: Vec<DMatrix<f64>> =
+        (0..n).map(|g| DMatrix::from_columns(&folds.iter().map(|f| f[g].x.column(0)).collect::<Vec<_>>())).collect();
+    let least = scores
+        .par_iter()
+        .filter(|s| !s.placebo)
+        .map(|score| {
+            let null: Vec<_> = score.null.iter().map(|v| (v, v.whole(), v.right() * &signs)).collect();
+            let by_fold: Vec<Vec<f64>> =
+                (0..n).into_par_iter().map(|g| left_out(problem, &null, g, &signs, &folds, &solutions[g])).collect();
+            (0..draws).map(|d| by_fold.iter().map(|errors| errors[d]).sum()).collect()
         })
-        .collect()
+        .reduce(
+            || vec![f64::INFINITY; draws],
+            |a: Vec<f64>, b: Vec<f64>| a.into_iter().zip(b).map(|(x, y)| x.min(y)).collect(),
+        );
+    let plain = folds.iter().map(|f| f.iter().map(|fold| fold.error).sum::<f64>());
+    least.into_iter().zip(plain).map(|(best, plain)| (best / plain).sqrt()).collect()
+}
+
+/// Squared error of fold `g` for each draw of signs, with the variant that the other folds select.
+/// Each variant comes with `AᵀC` over all clusters and with `Σ s Cᵀr` (one column for each draw);
+/// `solutions` holds the fold's parameters, one column for each draw.
+fn left_out(
+    problem: &Problem,
+    null: &[(&NullVariant, DMatrix<f64>, DMatrix<f64>)],
+    g: usize,
+    signs: &DMatrix<f64>,
+    folds: &[Vec<FlippedFold>],
+    solutions: &DMatrix<f64>,
+) -> Vec<f64> {
+    let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
+    let n_train = n_rows - problem.clusters[g].n_rows as f64;
+    let mut chosen: Vec<Option<(f64, &NullVariant, DVector<f64>)>> = vec![None; folds.len()];
+    for (v, whole, right) in null {
+        let mut c = right - &v.u[g] * signs.row(g);
+        c.gemm_tr(-1.0, &(whole - &v.ac[g]), solutions, 1.0);
+        let mut theta = &v.folds[g].0 * &c;
+        if let Some((lower, upper)) = v.bounds {
+            theta.row_mut(0).apply(|x| *x = x.clamp(lower, upper));
+        }
+        for (d, best) in chosen.iter_mut().enumerate() {
+            let theta = theta.column(d);
+            let worth = criterion(c.column(d).dot(&theta), folds[d][g].train, n_train, v.unknowns);
+            if worth < best.as_ref().map_or(f64::INFINITY, |b| b.0) {
+                *best = Some((worth, v, theta.into_owned()));
+            }
+        }
+    }
+    let error = |(fold, best): (&Vec<FlippedFold>, Option<(f64, &NullVariant, DVector<f64>)>)| {
+        best.map_or(0.0, |(_, v, theta)| (&fold[g].test - &v.folds[g].1 * theta).norm_squared())
+    };
+    folds.iter().zip(chosen).map(error).collect()
 }
 
 /// Cosine of a fitted signal (by cluster) with its best approximation by columns, inertial

@@ -86,6 +86,11 @@ impl<'a> ForwardDynamics<'a> {
         self.len() == 0
     }
 
+    /// True if the drive prescribes the whole state: there is nothing to integrate.
+    pub fn is_prescribed(&self) -> bool {
+        self.dofs.is_empty() && self.plant.forces.n_states() == 0
+    }
+
     /// Overwrites the prescribed part of a state vector and normalises quaternions.
     pub fn settle(&self, drive: &dyn Drive, t: f64, y: &mut [f64]) {
         let model = &self.plant.model;

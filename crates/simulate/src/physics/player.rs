@@ -118,10 +118,13 @@ impl<'a> Player<'a> {
         if flight || self.tick == 0 {
             self.record(&mut dynamics, drive)?;
         }
+        let integrated = !dynamics.is_prescribed();
         for _ in 0..ticks {
             for step in 0..SUBSTEPS {
                 let t = self.time() + step as f64 * h;
-                rk4.step(t, h, &mut self.y, |t, y, dy| dynamics.rate(drive, t, y, dy))?;
+                if integrated {
+                    rk4.step(t, h, &mut self.y, |t, y, dy| dynamics.rate(drive, t, y, dy))?;
+                }
                 dynamics.settle(drive, t + h, &mut self.y);
                 dynamics.remember(drive, t + h, &self.y)?;
             }
