@@ -84,19 +84,25 @@ impl Session<'_> {
     /// flights hardly do.
     fn loaded_on_plates(&self, effect: &dyn Effect, targets: &[Target]) -> Option<Vec<Option<bool>>> {
         let find = || -> Option<Vec<Option<bool>>> {
-            let first = *targets.first()?;
             let problem = Problem::new(self, Domain::Contact, &[], FEWEST, 1.0).ok()?;
             let trials = trials_of(&problem);
-            let start = effect.starts(self.scene, first).into_iter().next()?;
-            let columns = Variant::new(self, effect, first, start).columns(self, &problem)?;
-            let (s, c) = problem.reduce_all(&by_trial(&problem, &[columns], &trials));
-            let mass = pseudo_inverse(&s) * &c;
             let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
-            let variance = OVERLAP * (problem.rss - c.dot(&mass)).max(0.0) / n_rows;
-            let weights: Vec<f64> = (0..trials.len()).map(|i| s[(i, i)] / variance).collect();
-            let heavier = heavier(mass.as_slice(), &weights)?;
+            // the link on which the trials' masses explain contact best: on another one their mean is
+            // spoiled by how the links move
+            let of_link = |&target: &Target| -> Option<(f64, Vec<f64>, Vec<f64>)> {
+                let start = effect.starts(self.scene, target).into_iter().next()?;
+                let columns = Variant::new(self, effect, target, start).columns(self, &problem)?;
+                let (s, c) = problem.reduce_all(&by_trial(&problem, &[columns], &trials));
+                let mass = pseudo_inverse(&s) * &c;
+                let gain = c.dot(&mass);
+                let variance = OVERLAP * (problem.rss - gain).max(0.0) / n_rows;
+                let weights: Vec<f64> = (0..trials.len()).map(|i| s[(i, i)] / variance).collect();
+                Some((gain, mass.as_slice().to_vec(), weights))
+            };
+            let of_links: Vec<_> = targets.par_iter().filter_map(of_link).collect();
+            let (_, mass, weights) = of_links.into_iter().reduce(|a, b| if b.0 > a.0 { b } else { a })?;
             let mut told = vec![None; self.trials.len()];
-            trials.iter().zip(heavier).for_each(|(&t, is)| told[t] = is);
+            trials.iter().zip(heavier(&mass, &weights)?).for_each(|(&t, is)| told[t] = is);
             Some(told)
         };
         self.on_plates.get_or_init(find).clone()
