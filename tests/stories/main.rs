@@ -2,6 +2,7 @@
 //! binary.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests fail by panicking")]
 
+mod asked_again;
 mod batch;
 mod broken_lab;
 mod clusters;

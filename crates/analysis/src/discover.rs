@@ -1,6 +1,7 @@
 //! `discover`: ranks the effects that the model may be missing, from the motion and the flights in
 //! the workspace, and tests how well this works on these recordings.
 
+use crate::asked_before::question;
 use crate::compare::compare;
 use crate::drawn_errors::{contact_rows, drawn};
 use crate::held_out::HeldOutError;
@@ -58,6 +59,10 @@ pub struct Kept<T> {
     /// stages compute them; empty if none was found.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors_after: Vec<HeldOutError>,
+    /// Hash of everything that the answer rests on; none where the same question has to be answered
+    /// anew.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub question: Option<String>,
     /// The answer.
     #[serde(flatten)]
     pub answer: T,
@@ -78,7 +83,7 @@ fn kept<T>(session: &SubjectSession, made_from: String, answer: T) -> Result<Kep
             "repeat when no run is active",
         ));
     }
-    Ok(Kept { made_from, errors_after: Vec::new(), answer })
+    Ok(Kept { made_from, errors_after: Vec::new(), question: None, answer })
 }
 
 /// Results of a study, loaded for ranking.
@@ -320,8 +325,8 @@ pub fn discover(
     tell: &(dyn Fn(Told<'_>) + Sync),
 ) -> Result<DiscoveryView, PipelineError> {
     refuse_repeated(session)?;
-    let made_from = looked_at(session);
-    Evidence::load(session)?.with_progress(session, tell, |bench| found(session, bench, options, made_from))
+    let (made_from, asked) = (looked_at(session), question(session, options));
+    Evidence::load(session)?.with_progress(session, tell, |bench| found(session, bench, options, made_from, asked))
 }
 
 /// The stored answer for the present model, if it was computed from the present results.
@@ -362,6 +367,7 @@ fn found(
     bench: &RankingInputs<'_>,
     options: &DiscoverOptions,
     made_from: String,
+    asked: Option<String>,
 ) -> Result<DiscoveryView, PipelineError> {
     let ids: Vec<&str> = bench.effects.iter().map(|e| e.id()).collect();
     if let Some(unknown) = options.only.iter().chain(&options.without).find(|n| !ids.contains(&n.as_str())) {
@@ -468,6 +474,7 @@ fn found(
     found.joints = joint_laws(session, &found, &options)?;
     // JSON has no NaN: an error that is no number is not kept
     let mut answer = kept(session, made_from, found)?;
+    answer.question = asked;
     answer.errors_after = errors_after.into_iter().filter(|e| e.held_out_error.is_finite()).collect();
     seal::write_whole(&session.workspace.join("discovery.json"), &answer)?;
     // the answer for each revision of the model is kept, so that the report can show all of them

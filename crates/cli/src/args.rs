@@ -334,6 +334,10 @@ pub enum Command {
         /// under their name.
         #[arg(long)]
         self_test: bool,
+        /// Compute the answer anew. Without it an answer to the same question is shown again if
+        /// nothing that it rests on has changed.
+        #[arg(long)]
+        again: bool,
         /// More candidates, and how each round was decided.
         #[arg(long)]
         details: bool,

@@ -15,8 +15,8 @@ use crate::{
 use aloft_analysis::freshness::freshness;
 use aloft_analysis::next_step::{NextStep, next_step};
 use aloft_analysis::{
-    assess, audit, check, compare, corrections, discover, effect, estimators, export, history, init, inspect,
-    inspect_values, next_flights, parameters, simulate, status, summary, verify,
+    asked_before, assess, audit, check, compare, corrections, discover, effect, estimators, export, history, init,
+    inspect, inspect_values, next_flights, parameters, simulate, status, summary, verify,
 };
 use aloft_compare::Signal;
 use aloft_discover::Told;
@@ -157,11 +157,19 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             closed,
             budget,
             self_test: false,
+            again,
             details,
             json: as_json,
         } => {
             let options = discover::options(only, without, closed, budget);
             let ask = |session: &SubjectSession| {
+                if let Some(before) = asked_before::answered(session, &options).filter(|_| !again) {
+                    note(format!(
+                        "{}the answer of before: nothing that it rests on has changed (`--again` computes it anew)",
+                        whose(session)
+                    ));
+                    return Ok(before);
+                }
                 let bar = Counted::new(&format!("discover {}", session.id));
                 discover::discover(session, &options, &|told| match told {
                     Told::Steps { part, done, expected } => bar.in_part(&part.to_string(), done, expected),
