@@ -84,6 +84,24 @@ fn loads_are_sought_in_the_recordings_in_which_the_plates_show_more_mass() {
     assert!(found["words"].as_str().unwrap().contains("it would explain as much on"), "{}", found["words"]);
 }
 
+/// The mass of each jump on the plates, taken for a mass on the pelvis, put one of the loaded jumps
+/// to the others, because the arms move differently in each jump. Nothing was found.
+#[test]
+fn the_plates_divide_the_jumps_by_the_link_that_carries_the_load() {
+    let found = discovered_on("human_loaded_forearm", "human");
+    assert_eq!(names(&found["effects"]), ["payload"], "{}", found["words"]);
+    let [load] = &found["found"].as_array().unwrap()[..] else { panic!("{}", found["words"]) };
+    assert_eq!(names(&load["trials"]), ["jump05", "jump06", "jump07", "jump08"]);
+    // at the elbow, which belongs to both links
+    let mut links = names(&load["also_on"]);
+    let stated = load["key"].as_str().unwrap();
+    links.push(stated.trim_start_matches("payload[").trim_end_matches(']'));
+    assert!(links.contains(&"forearm_r"), "{load}");
+    let mass = load["coefficients"][0]["ci95"].as_array().unwrap();
+    let [low, high] = [0, 1].map(|i| mass[i].as_f64().unwrap());
+    assert!((low..high).contains(&0.5825) && low > 0.3, "{load}");
+}
+
 /// What makes a tether is its stiffness; without it a damping along a line only imitates a law.
 #[test]
 fn a_line_of_no_stiffness_is_not_named() {

@@ -13,7 +13,7 @@ use crate::progress::Until;
 use crate::rank::judged_in;
 use crate::refused::{Refused, Unnamed};
 use crate::repeating::widen;
-use crate::result::{Candidate, Discovery, Found, Group, NotTried, Round, Verdict};
+use crate::result::{Addition, Candidate, Discovery, Found, Group, NotTried, Round, Verdict};
 use crate::round::wanted;
 use crate::session::Session;
 use crate::sizes::by_both;
@@ -42,6 +42,12 @@ pub(crate) struct RoundResults<'a> {
 }
 
 impl RoundResults<'_> {
+    /// Results before the first round.
+    pub fn none(has_flights: bool) -> Self {
+        let (rounds, found, kept, in_doubt, left_out) = (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { rounds, found, kept, contradicted: None, in_doubt, left_out, errors: [f64::NAN; 2], has_flights }
+    }
+
     /// The same with nothing named, and why.
     pub fn naming_nothing(mut self, why: &Refused) -> Self {
         for round in self.rounds.iter_mut().filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf)) {
@@ -126,6 +132,110 @@ fn groups<'r>(rounds: impl Iterator<Item = &'r Round>, found: &[Found]) -> Vec<G
     out
 }
 
+/// What the rounds name together.
+struct Named {
+    groups: Vec<Group>,
+    verdict: Verdict,
+    /// Effects of all groups, each once.
+    effects: Vec<String>,
+    /// True if what a round named was dropped again beside the effects of later rounds: nothing is
+    /// named for sure.
+    lost: bool,
+}
+
+impl Named {
+    fn by(rounds: &[Round], found: &[Found]) -> Self {
+        let named = |r: &&Round| !r.superseded && matches!(r.verdict, Verdict::Supported | Verdict::OneOf);
+        let groups = groups(rounds.iter().filter(named), found);
+        let first = rounds.first().map_or(Verdict::NotDetectable, |r| r.verdict);
+        let verdict = match groups.first() {
+            Some(group) if group.is_sure() => Verdict::Supported,
+            Some(_) => Verdict::OneOf,
+            None => rounds.iter().find(named).map_or(first, |r| r.verdict),
+        };
+        let mut effects: Vec<String> = Vec::new();
+        for id in groups.iter().filter(|g| verdict == Verdict::OneOf || g.is_sure()).flat_map(|g| &g.effects) {
+            if !effects.contains(id) {
+                effects.push(id.clone());
+            }
+        }
+        let lost = groups.is_empty() && matches!(verdict, Verdict::Supported | Verdict::OneOf);
+        Self { groups, verdict, effects, lost }
+    }
+}
+
+/// What each effect found adds to the model that holds those before it.
+fn steps<'e>(
+    session: &Session<'_>,
+    accepted: &[EffectInstance<'e>],
+    kept: &[Variant<'e>],
+    found: &[Found],
+    options: &DiscoverOptions,
+) -> Vec<Addition> {
+    let mut model: Vec<EffectInstance<'e>> = accepted.to_vec();
+    let mut steps = Vec::new();
+    for (v, f) in kept.iter().zip(found) {
+        let nonlinear = f.nonlinear.iter().map(|e| e.value).collect();
+        let choice = EffectInstance { effect: v.effect, target: v.target, nonlinear, trials: f.trials.clone() };
+        steps.extend(addition(session, &model, &choice, options).ok());
+        model.push(choice);
+    }
+    steps
+}
+
+/// Each effect as it was ranked first, the best ones first.
+fn best_of_each(rounds: &[Round]) -> Vec<Candidate> {
+    let mut out: Vec<Candidate> = Vec::new();
+    for c in rounds.iter().flat_map(|r| &r.candidates) {
+        if !out.iter().any(|o| o.effect == c.effect) {
+            out.push(c.clone());
+        }
+    }
+    out.sort_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio));
+    out
+}
+
+/// The error that is not explained, and where: it remains far above its floor, whatever was found,
+/// or effects leave a share of it that the noise does not account for. `left` holds what remains in
+/// flight and in contact, from the stages and from the rows. With `all_of_it` (nothing is named)
+/// each error above its floor counts.
+///
+/// Effects found in flight are judged in flight; their error in contact also contains what only
+/// contact shows, but a force that is always there cannot leave contact far above its floor.
+fn not_explained(
+    session: &Session<'_>,
+    kept: &[Variant<'_>],
+    [left, estimates]: [[Option<HeldOutResult>; 2]; 2],
+    has_flights: bool,
+    all_of_it: bool,
+) -> Option<(&'static str, HeldOutResult)> {
+    let flight_shows = |v: &&Variant<'_>| v.effect.acts().in_flight();
+    let only_flight = has_flights && kept.iter().any(|v| flight_shows(&v));
+    let in_both = kept.iter().filter(flight_shows).any(|v| v.effect.acts().in_contact());
+    let far = |i: usize| {
+        let (before, after) = (session.model_error[i]?, left[i]?);
+        let place = wording::domain([Domain::Flight, Domain::Contact][i]);
+        let judged_here = kept.iter().any(|v| flight_shows(&v) == (i == 0));
+        // a lack of fit shows in the rows and in the comparison
+        let share = [Some(after), estimates[i]].into_iter().flatten().map(|s| before.share_left(&s));
+        let misfit = judged_here && share.fold(f64::INFINITY, f64::min) > LACK_OF_FIT;
+        // nothing is missing only where the error is at its floor
+        let remains = all_of_it && after.is_above();
+        // Effects of the plates act in contact only: an error above the floor in flight may act
+        // there, too. It is explained if flights are at the floor once contact helps to identify
+        // the body.
+        let only_plates = i == 0 && !kept.is_empty() && !kept.iter().any(|v| flight_shows(&v));
+        if only_plates && has_flights && before.is_above() && after.is_above() {
+            return Some((place, before));
+        }
+        (after.is_far() || misfit || remains).then_some((place, after))
+    };
+    (0..2)
+        .filter(|i| *i == 0 || !only_flight || (in_both && left[1].is_some_and(|s| s.is_far())))
+        .filter_map(far)
+        .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()))
+}
+
 /// The answer, or what was found and is not named.
 pub(crate) fn conclude(
     session: &Session<'_>,
@@ -137,40 +247,9 @@ pub(crate) fn conclude(
 ) -> Result<Discovery, Unnamed> {
     let RoundResults { mut rounds, mut found, mut kept, contradicted, in_doubt, left_out, errors, has_flights } = made;
     let [before, after] = errors;
-    let mut model: Vec<EffectInstance<'_>> = accepted.to_vec();
-    let mut steps = Vec::new();
-    for (v, f) in kept.iter().zip(&found) {
-        let nonlinear = f.nonlinear.iter().map(|e| e.value).collect();
-        let choice = EffectInstance { effect: v.effect, target: v.target, nonlinear, trials: f.trials.clone() };
-        steps.extend(addition(session, &model, &choice, options).ok());
-        model.push(choice);
-    }
-    let named = |r: &&Round| !r.superseded && matches!(r.verdict, Verdict::Supported | Verdict::OneOf);
-    let groups = groups(rounds.iter().filter(named), &found);
-    let first = rounds.first().map_or(Verdict::NotDetectable, |r| r.verdict);
-    let verdict = match groups.first() {
-        Some(group) if group.is_sure() => Verdict::Supported,
-        Some(_) => Verdict::OneOf,
-        None => rounds.iter().find(named).map_or(first, |r| r.verdict),
-    };
-    let mut once: Vec<String> = Vec::new();
-    for id in groups.iter().filter(|g| verdict == Verdict::OneOf || g.is_sure()).flat_map(|g| &g.effects) {
-        if !once.contains(id) {
-            once.push(id.clone());
-        }
-    }
-    // what a round named was dropped again beside the effects of later rounds: nothing is named for
-    // sure
-    let lost = groups.is_empty() && matches!(verdict, Verdict::Supported | Verdict::OneOf);
-    let mut candidates: Vec<Candidate> = Vec::new();
-    for r in &rounds {
-        for c in &r.candidates {
-            if !candidates.iter().any(|o| o.effect == c.effect) {
-                candidates.push(c.clone());
-            }
-        }
-    }
-    candidates.sort_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio));
+    let steps = steps(session, accepted, &kept, &found, options);
+    let Named { groups, verdict, effects: once, lost } = Named::by(&rounds, &found);
+    let mut candidates = best_of_each(&rounds);
     let weight = session.unit[0];
     // scale to the errors of the comparison, if one was made: relative change from the rows,
     // newtons from the comparison
@@ -270,34 +349,9 @@ pub(crate) fn conclude(
         to_correct: None,
         joints: None,
     };
-    // An error that remains far above its floor is not explained, whatever was found; nor is one of
-    // which effects leave a share that the noise does not account for. Effects found
-    // in flight are judged in flight; their error in contact also contains what only contact shows,
-    // but a force that is always there cannot leave contact far above its floor.
+    let nothing = kept.is_empty() && verdict == Verdict::NothingMissing;
     let rigid = session.prior.is_none() && has_flights && kept.iter().any(|v| v.effect.acts().in_flight());
-    let only_flight = kept.iter().any(|v| v.effect.acts().in_flight()) && has_flights;
-    let in_both = kept.iter().any(|v| v.effect.acts().in_flight() && v.effect.acts().in_contact());
-    let far = (0..2)
-        .filter(|i| *i == 0 || !only_flight || (in_both && left[1].is_some_and(|s| s.is_far())))
-        .filter_map(|i| {
-            let (before, after) = (session.model_error[i]?, left[i]?);
-            let judged_here = kept.iter().any(|v| v.effect.acts().in_flight() == (i == 0));
-            // a lack of fit shows in the rows and in the comparison
-            let share = [Some(after), estimates[i]].into_iter().flatten().map(|s| before.share_left(&s));
-            let misfit = judged_here && share.fold(f64::INFINITY, f64::min) > LACK_OF_FIT;
-            // nothing is missing only where the error is at its floor
-            let nothing = kept.is_empty() && verdict == Verdict::NothingMissing;
-            let remains = (nothing || lost) && after.is_above();
-            // Effects of the plates act in contact only: an error above the floor in flight may act
-            // there, too. It is explained if flights are at the floor once contact helps to
-            // identify the body.
-            let only_plates = i == 0 && !kept.is_empty() && !kept.iter().any(|v| v.effect.acts().in_flight());
-            if only_plates && has_flights && before.is_above() && after.is_above() {
-                return Some((wording::domain(places[i]), before));
-            }
-            (after.is_far() || misfit || remains).then(|| (wording::domain(places[i]), after))
-        })
-        .max_by(|a, b| a.1.times_floor().total_cmp(&b.1.times_floor()));
+    let far = not_explained(session, &kept, [left, estimates], has_flights, nothing || lost);
     // an error that a perfect model would hardly reach leaves nothing to explain; contact is judged
     // by itself
     let of_flights = far.is_none() && kept.iter().all(|v| v.effect.acts().in_flight());

@@ -95,6 +95,7 @@ mod repeating;
 mod result;
 mod rivals;
 mod round;
+mod rounds;
 mod self_test;
 mod session;
 mod shown_in_both;

@@ -63,6 +63,14 @@ impl NullVariant {
     }
 }
 
+/// The variant that a draw of signs selects, what it is worth, and its coefficients.
+#[derive(Clone)]
+struct Selected<'v> {
+    worth: f64,
+    variant: &'v NullVariant,
+    theta: DVector<f64>,
+}
+
 impl EffectScore<'_> {
     /// Held-out mean square.
     pub fn mean_square(&self, problem: &Problem) -> f64 {
@@ -409,7 +417,7 @@ fn left_out(
 ) -> Vec<f64> {
     let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
     let n_train = n_rows - problem.clusters[g].n_rows as f64;
-    let mut chosen: Vec<Option<(f64, &NullVariant, DVector<f64>)>> = vec![None; folds.len()];
+    let mut chosen: Vec<Option<Selected<'_>>> = vec![None; folds.len()];
     for (v, whole, right) in null {
         let mut c = right - &v.u[g] * signs.row(g);
         c.gemm_tr(-1.0, &(whole - &v.ac[g]), solutions, 1.0);
@@ -420,15 +428,14 @@ fn left_out(
         for (d, best) in chosen.iter_mut().enumerate() {
             let theta = theta.column(d);
             let worth = criterion(c.column(d).dot(&theta), folds[d][g].train, n_train, v.unknowns);
-            if worth < best.as_ref().map_or(f64::INFINITY, |b| b.0) {
-                *best = Some((worth, v, theta.into_owned()));
+            if worth < best.as_ref().map_or(f64::INFINITY, |b| b.worth) {
+                *best = Some(Selected { worth, variant: v, theta: theta.into_owned() });
             }
         }
     }
-    let error = |(fold, best): (&Vec<FlippedFold>, Option<(f64, &NullVariant, DVector<f64>)>)| {
-        best.map_or(0.0, |(_, v, theta)| (&fold[g].test - &v.folds[g].1 * theta).norm_squared())
-    };
-    folds.iter().zip(chosen).map(error).collect()
+    let error =
+        |fold: &FlippedFold, best: Selected<'_>| (&fold.test - &best.variant.folds[g].1 * best.theta).norm_squared();
+    folds.iter().zip(chosen).map(|(fold, best)| best.map_or(0.0, |best| error(&fold[g], best))).collect()
 }
 
 /// Cosine of a fitted signal (by cluster) with its best approximation by columns, inertial

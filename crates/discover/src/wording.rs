@@ -106,6 +106,20 @@ pub(crate) fn beside(round: &Round) -> String {
     if round.model.is_empty() { round.words.clone() } else { format!("beside {} {}", list(&round.model), round.words) }
 }
 
+/// A round in which two effects together explain what one does not: `left` is the share of the
+/// error that remains, in percent, `one` the best single effect, if there is one, and what it
+/// leaves.
+pub(crate) fn pair(pair: &[String; 2], left: f64, one: Option<(String, f64)>) -> String {
+    let [a, b] = pair;
+    let why = match one {
+        Some((key, of_one)) => {
+            format!("one alone explains less (the best of them, `{key}`, leaves {of_one:.0} %)")
+        }
+        None => "none explains it alone".to_owned(),
+    };
+    format!("two effects together, `{a}` and `{b}`, are missing: held-out error falls to {left:.0} %; {why}")
+}
+
 /// A round in which two effects together explain as much as those named; `joins` if the two join
 /// the model, `left` the share of the error that remains with what joins.
 pub(crate) fn or_pair(effects: &[String], pair: &[String; 2], joins: bool, left: f64) -> String {
