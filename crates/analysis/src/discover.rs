@@ -1,12 +1,12 @@
 //! `discover`: ranks the effects that the model may be missing, from the motion and the flights in
 //! the workspace, and tests how well this works on these recordings.
 
-use crate::asked_before::question;
 use crate::compare::compare;
 use crate::drawn_errors::{contact_rows, drawn};
 use crate::held_out::HeldOutError;
 use crate::joint_laws::joint_laws;
 use crate::promise::promised;
+use crate::question::question;
 use crate::repeated::refuse_repeated;
 use crate::results::with_results;
 use aloft_body::{BaseParameters, Subject};

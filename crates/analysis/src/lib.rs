@@ -32,6 +32,7 @@ pub mod parameters;
 pub mod persons;
 mod plates_follow;
 pub mod promise;
+mod question;
 pub mod repeated;
 mod results;
 mod scene;

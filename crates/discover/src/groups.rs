@@ -87,7 +87,7 @@ impl Session<'_> {
             let problem = Problem::new(self, Domain::Contact, &[], FEWEST, 1.0).ok()?;
             let trials = trials_of(&problem);
             let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
-            // the link on which the trials' masses explain contact best: on another one their mean is
+            // the link on which the trials' masses explain contact best: on another one they are
             // spoiled by how the links move
             let of_link = |&target: &Target| -> Option<(f64, Vec<f64>, Vec<f64>)> {
                 let start = effect.starts(self.scene, target).into_iter().next()?;

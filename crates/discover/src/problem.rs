@@ -372,15 +372,16 @@ impl Problem {
         without: Option<usize>,
     ) -> (DMatrix<f64>, DMatrix<f64>, DVector<f64>) {
         let (k, m) = (columns[0].ncols(), self.right.len());
-        let (mut ac, mut cc, mut cb) = (DMatrix::zeros(m, k), DMatrix::zeros(k, k), DVector::zeros(k));
+        let (mut ca, mut cc, mut cb) = (DMatrix::zeros(k, m), DMatrix::zeros(k, k), DVector::zeros(k));
         for (g, (cluster, c)) in self.clusters.iter().zip(columns).enumerate() {
             if Some(g) != without {
-                ac.gemm_tr(1.0, &cluster.a, c, 1.0);
+                // `CᵀA` and not `AᵀC`: the larger matrix is read once, and not once for each column
+                ca.gemm_tr(1.0, c, &cluster.a, 1.0);
                 cc.gemm_tr(1.0, c, c, 1.0);
                 cb.gemv_tr(1.0, c, &cluster.b, 1.0);
             }
         }
-        (ac, cc, cb)
+        (ca.transpose(), cc, cb)
     }
 
     /// The reduced columns of a candidate for one fold.

@@ -214,8 +214,8 @@ impl<'a> Rounds<'_, 'a> {
         ranking
     }
 
-    /// An error of the plates and a force on the body look the same in contact: a force that flights
-    /// show as well stands beside an effect of the plates.
+    /// An error of the plates and a force on the body look the same in contact: a force that
+    /// flights show as well stands beside an effect of the plates.
     fn compare_with_flights(&self, of: &Ranked<'_, 'a>, round: &mut Round) {
         let flight = self.made.rounds.iter().find(|r| r.judged_on == wording::domain(Domain::Flight));
         if let (Domain::Contact, Some(rival), Some(flight)) = (of.domain, of.chosen, flight) {

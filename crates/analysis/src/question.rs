@@ -1,0 +1,39 @@
+//! What an answer of `discover` rests on, as one hash: the results of all stages, what the pipeline
+//! and the files beside it say, the effects of the model, the options, and the program.
+
+use aloft_discover::DiscoverOptions;
+use aloft_pipeline::graph::results_hash;
+use aloft_pipeline::stages::STAGES;
+use aloft_study::revision::Revisions;
+use aloft_study::subject_session::{FileSizes, SubjectSession};
+use aloft_workspace::workspace::Workspace;
+use std::fs::File;
+use std::sync::OnceLock;
+
+/// Hash of everything that an answer rests on; none if the answer depends on the time that it was
+/// given, or if the program cannot be read.
+pub(crate) fn question(session: &SubjectSession, options: &DiscoverOptions) -> Option<String> {
+    if options.budget_s.is_some() {
+        return None;
+    }
+    let results = STAGES.iter().flat_map(|stage| stage.tasks(session).into_iter().map(|trial| (stage.name, trial)));
+    let results = results_hash(&Workspace::open(&session.workspace), results);
+    let revisions = Revisions::load(&session.workspace).ok()?;
+    // read when first asked for, and no part of the question
+    let asked = SubjectSession { sizes: FileSizes::default(), ..session.clone() };
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(program()?.as_bytes()).update(results.as_bytes());
+    hasher.update(format!("{asked:?}\n{revisions:?}\n{options:?}").as_bytes());
+    Some(hasher.finalize().to_hex().to_string())
+}
+
+/// Hash of the program's file.
+fn program() -> Option<blake3::Hash> {
+    static PROGRAM: OnceLock<Option<blake3::Hash>> = OnceLock::new();
+    let read = || {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update_reader(File::open(std::env::current_exe().ok()?).ok()?).ok()?;
+        Some(hasher.finalize())
+    };
+    *PROGRAM.get_or_init(read)
+}
