@@ -5,7 +5,7 @@ use crate::support::{expect, folder, json, repo};
 use std::fs;
 use std::path::Path;
 
-const BEFORE: &str = "the answer of before";
+const BEFORE: &str = "stored answer";
 
 fn damage(file: &Path) {
     let mut bytes = fs::read(file).unwrap();

@@ -165,7 +165,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
             let ask = |session: &SubjectSession| {
                 if let Some(before) = asked_before::answered(session, &options).filter(|_| !again) {
                     note(format!(
-                        "{}the answer of before: nothing that it rests on has changed (`--again` computes it anew)",
+                        "{}stored answer: nothing it depends on has changed (`--again` computes it anew)",
                         whose(session)
                     ));
                     return Ok(before);
