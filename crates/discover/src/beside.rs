@@ -14,10 +14,10 @@ use crate::ladder::{Refit, as_found, extra_columns, refit_found, to_build_on};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::result::{Found, Round, Verdict};
-use crate::round::run_round;
+use crate::round::{Ask, run_round};
 use crate::session::Session;
 use crate::wording;
-use aloft_effects::{Effect, EffectInstance, Target};
+use aloft_effects::{Effect, EffectInstance};
 
 /// Most sweeps over all effects found.
 const SWEEPS: usize = 3;
@@ -49,7 +49,7 @@ pub(crate) fn judge_each_beside_the_others<'a>(
     session: &Session<'_>,
     domain: Domain,
     effects: &[&'a dyn Effect],
-    accepted: &[EffectInstance<'_>],
+    accepted: &[EffectInstance<'a>],
     several: Several<'_, 'a>,
     has_flights: bool,
     at_floor: Option<&AtFloor>,
@@ -86,25 +86,16 @@ pub(crate) fn judge_each_beside_the_others<'a>(
             let extra = extra_columns(session, domain, accepted, &others, &others_found);
             let problem = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight);
             let Ok(problem) = problem else { return any_replaced };
-            let in_model = accepted.iter().map(|c| (c.effect, c.target));
-            let already: Vec<(&dyn Effect, Target)> =
-                in_model.chain(others.iter().map(|v| (v.effect, v.target))).collect();
-            let keys = accepted.iter().map(|c| c.key(session.scene));
-            let model: Vec<String> = keys.chain(others_found.iter().map(|f| f.key.clone())).collect();
-            let beside = Refit { accepted, kept: &others, found: &others_found, options };
-            let (mut round, _, rivals) = run_round(
+            let (mut round, _, rivals) = run_round(&Ask {
                 session,
-                &problem,
-                &extra,
+                problem: &problem,
+                extra: &extra,
                 effects,
-                &already,
-                &beside,
-                false,
-                model,
+                beside: Refit { accepted, kept: &others, found: &others_found, options },
+                first_round: false,
                 has_flights,
                 at_floor,
-                options,
-            );
+            });
             let named = matches!(round.verdict, Verdict::Supported | Verdict::OneOf);
             let Some(rival) = to_build_on(&rivals, &round.effects, options).filter(|_| named) else {
                 if rigid && kept.len() > 1 {

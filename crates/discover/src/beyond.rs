@@ -5,7 +5,7 @@ use crate::by_stages::Staged;
 use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
 use crate::ladder::extra_columns;
-use crate::laws::{Direction, Doubted, FormLimits, FoundLaw, Line, OpenWorld, Together};
+use crate::laws::{Direction, Doubted, FormLimits, FoundLaw, Line, OpenWorld, Rivals, Together};
 use crate::only_as_limit::{delay_or_wind, has_unknown_place, is_far_away, may_be_late};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
@@ -28,217 +28,336 @@ const MANY_SIGNS: usize = 8;
 /// Largest share of the error in contact that a law of both may leave.
 const IN_CONTACT: f64 = 0.9;
 
-/// Searches for laws beyond the catalogue where flights leave an error above the interval of its
-/// floor, where the catalogue needs effects of several kinds, or where the strength of a named
-/// effect does not follow its law, and lets laws that convince replace what the catalogue names.
-/// `in_doubt` are effects that are not named because their size may be zero: a law has to do
-/// better.
-pub(crate) fn look_beyond(
-    session: &Session<'_>,
-    accepted: &[EffectInstance<'_>],
-    effects: &[&dyn Effect],
-    kept: &[Variant<'_>],
-    in_doubt: &[Variant<'_>],
-    refuted: bool,
-    left: &[Option<HeldOutResult>; 2],
-    out: &mut Discovery,
-    until: &Until,
-    options: &DiscoverOptions,
-) {
-    let several = kept.iter().any(|v| v.effect.id() != kept[0].effect.id());
-    let named = matches!(out.verdict, Verdict::Supported | Verdict::OneOf);
-    // an effect with the wrong law can fit flights and leave contact far above its floor
-    let acting = kept.iter().any(|v| v.effect.acts().in_flight() && v.effect.acts().in_contact());
-    let far_in_contact = acting && left[1].as_ref().is_some_and(HeldOutResult::is_far);
-    let problem_with = |kept: &[Variant<'_>], found: &[Found]| {
-        let extra = extra_columns(session, Domain::Flight, accepted, kept, found);
-        Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
-    };
-    let with_effects =
-        (named && !kept.is_empty() && !until.is_over()).then(|| problem_with(kept, &out.found)).flatten();
-    let limits = FormLimits {
-        person: options.belief_kinematics,
-        noise: left[0].and_then(|s| s.noise_floor_ci95.map(|ci| ci[0] / s.held_out_error)).unwrap_or(0.0),
-        removed: {
-            let rows = (out.held_out_error, out.held_out_error_after);
-            let both = session.model_error[0].zip(left[0]);
-            let (before, after) = both.map_or(rows, |(b, a)| (b.held_out_error, a.held_out_error));
-            (before / after).powi(2) - 1.0
-        },
-    };
-    let misfit = |problem: &Problem, kept: &[Variant<'_>], found: &[Found]| {
-        crate::laws::misfit(session, problem, kept, found, &limits, options.seed)
-    };
-    out.misfit = with_effects.as_ref().and_then(|problem| misfit(problem, kept, &out.found));
-    // one effect of which the answer names several is compared as each of them
-    let others = match (kept, &out.groups[..]) {
-        ([one], [_]) if named => other_members(session, effects, one, out),
-        _ => Vec::new(),
-    };
-    // on people errors that repeat change the strength of right effects, too
-    let refuted_at = out.misfit.as_ref().and_then(|m| out.found.iter().position(|f| f.key == m.effect));
-    if let Some(at) = refuted_at.filter(|_| session.prior.is_none()) {
-        let has_one = |(v, f): &(Variant<'_>, Found)| {
-            let (mut kept, mut found) = (kept.to_vec(), out.found.clone());
+/// What the catalogue says, and what it leaves, before the search beyond it.
+pub(crate) struct Beyond<'s, 'a> {
+    pub session: &'s Session<'s>,
+    /// Effects of the model.
+    pub accepted: &'s [EffectInstance<'a>],
+    /// Effects of the catalogue.
+    pub effects: &'s [&'a dyn Effect],
+    /// Effects found.
+    pub kept: &'s [Variant<'a>],
+    /// Effects that are not named because their size may be zero: a law has to do better.
+    pub in_doubt: &'s [Variant<'a>],
+    /// True if contact contradicts what flights found.
+    pub refuted: bool,
+    /// Errors with what was found, in flight and in contact.
+    pub left: &'s [Option<HeldOutResult>; 2],
+    pub until: &'s Until,
+    pub options: &'s DiscoverOptions,
+}
+
+/// Why laws are sought, and what they have to do better than.
+struct Reasons {
+    /// True if the catalogue names what is missing.
+    named: bool,
+    /// True if the catalogue needs effects of several kinds.
+    several: bool,
+    /// True if contact is left far above its floor by effects that act there and in flight.
+    far_in_contact: bool,
+    /// True if flights are left above their floor.
+    remains: bool,
+    /// True if the effects of several kinds remove an error that is above its floor.
+    several_above: bool,
+    /// True if what is named reaches the floor and shows a sign of another law.
+    hides: bool,
+    /// True if nothing is named, and a wide interval of the floor may hide a law.
+    in_floor: bool,
+    /// True if what is named is compared with the first law, whatever it leaves.
+    compared: bool,
+    /// True if the form of the effect that is named is refuted.
+    refuted_form: bool,
+    /// True if that or its place is a sign of another law.
+    of_another_form: bool,
+}
+
+impl Reasons {
+    /// True if something besides a comparison asks for laws.
+    fn asked(&self, out: &Discovery) -> bool {
+        self.remains || self.several_above || self.hides || self.in_floor || out.misfit.is_some()
+    }
+
+    /// True if named effects reach the floor and nothing else is held against them.
+    fn within_floor(&self) -> bool {
+        (self.hides || self.compared) && !(self.of_another_form || self.remains || self.several_above)
+    }
+}
+
+impl<'a> Beyond<'_, 'a> {
+    /// Searches for laws where flights leave an error above the interval of its floor, where the
+    /// catalogue needs effects of several kinds, or where the strength of a named effect does not
+    /// follow its law, and lets laws that convince replace what the catalogue names.
+    pub fn look(&self, out: &mut Discovery) {
+        let (session, options) = (self.session, self.options);
+        let named = is_named(out);
+        let beside = (named && !self.kept.is_empty() && !self.until.is_over())
+            .then(|| self.problem(self.kept, &out.found))
+            .flatten();
+        // one effect of which the answer names several is compared as each of them
+        let others = match (self.kept, &out.groups[..]) {
+            ([one], [_]) if named => other_members(session, self.effects, one, out),
+            _ => Vec::new(),
+        };
+        self.compare_strength(beside.as_ref(), out);
+        let why = self.reasons(beside.as_ref(), &others, out);
+        if !(why.asked(out) || why.compared) {
+            return;
+        }
+        if self.until.is_over() {
+            let budget = options.budget_s.unwrap_or_default();
+            out.warnings
+                .push(format!("the search beyond the catalogue was not begun: the budget of {budget} s was used up"));
+            return;
+        }
+        session.counter.so_far(&wording::so_far(out, session.model_error[0], self.left[0]));
+        let members = self.members(&others, out);
+        let rivals = self.rivals(&why, beside.as_ref(), &members, out);
+        let taken: Vec<&str> = self.effects.iter().map(|e| e.id()).collect();
+        let made = crate::laws::search(session, self.accepted, rivals, &taken, self.until, options);
+        if let Some((open, against)) = made {
+            out.against = against;
+            self.conclude(&why, open, out);
+        }
+    }
+
+    /// The flights with effects in the model.
+    fn problem(&self, kept: &[Variant<'_>], found: &[Found]) -> Option<Problem> {
+        let extra = extra_columns(self.session, Domain::Flight, self.accepted, kept, found);
+        let (fewest, weight) = (self.options.fewest_trials, self.options.prior_weight);
+        Problem::new(self.session, Domain::Flight, &extra, fewest, weight).ok()
+    }
+
+    /// Notes in the answer where the strength of a named effect does not follow its law, and
+    /// whether that holds for each effect of which it is one.
+    fn compare_strength(&self, beside: Option<&Problem>, out: &mut Discovery) {
+        let Some(problem) = beside else { return };
+        let left = self.left[0];
+        let rows = (out.held_out_error, out.held_out_error_after);
+        let both = self.session.model_error[0].zip(left);
+        let (before, after) = both.map_or(rows, |(b, a)| (b.held_out_error, a.held_out_error));
+        let limits = FormLimits {
+            person: self.options.belief_kinematics,
+            noise: left.and_then(|s| s.noise_floor_ci95.map(|ci| ci[0] / s.held_out_error)).unwrap_or(0.0),
+            removed: (before / after).powi(2) - 1.0,
+        };
+        let misfit = |problem: &Problem, kept: &[Variant<'_>], found: &[Found]| {
+            crate::laws::misfit(self.session, problem, kept, found, &limits, self.options.seed)
+        };
+        out.misfit = misfit(problem, self.kept, &out.found);
+        // on people errors that repeat change the strength of right effects, too
+        let refuted = out.misfit.as_ref().filter(|_| self.session.prior.is_none());
+        let Some(at) = refuted.and_then(|m| out.found.iter().position(|f| f.key == m.effect)) else { return };
+        let has_one = |(v, f): &(Variant<'a>, Found)| {
+            let (mut kept, mut found) = (self.kept.to_vec(), out.found.clone());
             kept[at] = v.clone();
             found[at] = f.clone();
             let of = |problem: Problem| misfit(&problem, std::slice::from_ref(v), std::slice::from_ref(f)).is_some();
-            problem_with(&kept, &found).is_some_and(of)
+            self.problem(&kept, &found).is_some_and(of)
         };
-        let all = other_members(session, effects, &kept[at], out).iter().all(has_one);
+        let all = other_members(self.session, self.effects, &self.kept[at], out).iter().all(has_one);
         out.misfit.iter_mut().for_each(|m| m.of_all_named = all);
     }
-    // an anchor at the end of the range, or beyond any wall, is a sign of another law
-    let far_away = kept.iter().any(|v| is_far_away(session, v));
-    let late = kept.iter().any(|v| may_be_late(session, v));
-    let remains = left[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
-    let several_above = several && session.model_error[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
-    // an effect that stands in for a law of another form can reach a wide interval of the floor;
-    // where contact can tell the two apart, any error above the floor is a reason to ask
-    let above_in_contact = acting && left[1].as_ref().is_some_and(HeldOutResult::is_above);
-    let compared_there = acting && session.prior.is_some() && left[1].is_some();
-    let above = |s: &HeldOutResult| s.may_hide_more() || compared_there && s.times_floor() > 1.0;
-    // so is an anchor whose place the recordings do not show
-    let unknown_place = kept.iter().zip(&out.found).any(|(v, f)| has_unknown_place(session, v, &f.nonlinear));
-    let may_hide = far_away || late || unknown_place || above_in_contact || left[0].as_ref().is_some_and(above);
-    let hides = far_in_contact || with_effects.is_some() && may_hide;
-    // soft tissue imitates laws; on a rigid body the flights tell an effect from a law
-    let in_flight = session.prior.is_none() && kept.iter().any(|v| v.effect.acts().in_flight());
-    let enough = with_effects.as_ref().is_some_and(|p| p.folds.len() >= MANY_SIGNS);
-    let compared = in_flight && enough && left[0].is_some_and(|s| s.times_floor() > 1.0);
-    // a floor that is known roughly can hide a law, too; on people it is often wide
-    let may_hide_in_floor =
-        session.prior.is_some() && !named && left[0].as_ref().is_some_and(HeldOutResult::may_hide_more);
-    let asked = remains || several_above || hides || may_hide_in_floor || out.misfit.is_some();
-    if !(asked || compared) {
-        return;
-    }
-    if until.is_over() {
-        let budget = options.budget_s.unwrap_or_default();
-        out.warnings
-            .push(format!("the search beyond the catalogue was not begun: the budget of {budget} s was used up"));
-        return;
-    }
-    session.counter.so_far(&wording::so_far(out, session.model_error[0], left[0]));
-    let first = out.rounds.first().map_or(&out.candidates, |r| &r.candidates);
-    // what contact contradicts is no rival, nor is what is physically impossible
-    let possible = first.iter().filter(|c| c.plausible && !c.placebo && !refuted);
-    let single = possible.map(|c| c.held_out_ratio).fold(1.0, f64::min);
-    let ratio = (out.held_out_error_after / out.held_out_error).min(single);
-    let taken: Vec<&str> = effects.iter().map(|e| e.id()).collect();
-    let unknowns: usize = kept.iter().map(Variant::unknowns).sum();
-    // of several that are named each has to be in doubt; on people that is not asked
-    let alone = session.prior.is_some() || others.is_empty();
-    let refuted_form = out.misfit.as_ref().is_some_and(|m| m.of_all_named || alone);
-    let of_another_form = refuted_form || far_away || late;
-    // on people errors that repeat change the strength of right effects, too
-    let by_form = refuted_form && session.prior.is_none();
-    let errors = with_effects.as_ref().map(|p| p.folds.iter().map(|f| f.error).collect::<Vec<f64>>());
-    let together = errors.clone().filter(|_| kept.len() > 1).map(|errors| {
-        let effects = kept.iter().map(|v| v.effect.id().to_owned()).collect();
-        Together { effects, errors }
-    });
-    let doubt = |errors| Doubted { errors, by_form };
-    let doubted = errors.filter(|_| of_another_form).map(doubt);
-    let within_floor = (hides || compared) && !of_another_form && !remains && !several_above;
-    let members = match kept {
-        [one] if named && out.groups.len() == 1 => {
-            let not_named = if session.prior.is_none() { as_good_as(session, effects, one, first) } else { Vec::new() };
-            std::iter::once(one).chain(others.iter().map(|(v, _)| v)).cloned().chain(not_named).collect()
+
+    /// Why laws are sought. `others` are what the answer names in place of the one effect found.
+    fn reasons(&self, beside: Option<&Problem>, others: &[(Variant<'a>, Found)], out: &Discovery) -> Reasons {
+        let (session, kept) = (self.session, self.kept);
+        let [flights, contact] = self.left.each_ref().map(Option::as_ref);
+        let (named, person) = (is_named(out), session.prior.is_some());
+        let several = kept.iter().any(|v| v.effect.id() != kept[0].effect.id());
+        // an effect with the wrong law can fit flights and leave contact far above its floor
+        let acting = kept.iter().any(|v| v.effect.acts().in_flight() && v.effect.acts().in_contact());
+        let far_in_contact = acting && contact.is_some_and(HeldOutResult::is_far);
+        let remains = flights.is_some_and(HeldOutResult::may_hold_more);
+        let several_above = several && session.model_error[0].as_ref().is_some_and(HeldOutResult::may_hold_more);
+        // an anchor at the end of the range, or beyond any wall, is a sign of another law
+        let far_away = kept.iter().any(|v| is_far_away(session, v));
+        let late = kept.iter().any(|v| may_be_late(session, v));
+        // so is an anchor whose place the recordings do not show
+        let unknown_place = kept.iter().zip(&out.found).any(|(v, f)| has_unknown_place(session, v, &f.nonlinear));
+        // an effect that stands in for a law of another form can reach a wide interval of the floor;
+        // where contact can tell the two apart, any error above the floor is a reason to ask
+        let above_in_contact = acting && contact.is_some_and(HeldOutResult::is_above);
+        let compared_there = acting && person && contact.is_some();
+        let above = |s: &HeldOutResult| s.may_hide_more() || compared_there && s.times_floor() > 1.0;
+        let may_hide = far_away || late || unknown_place || above_in_contact || flights.is_some_and(above);
+        // soft tissue imitates laws; on a rigid body the flights tell an effect from a law
+        let in_flight = !person && self.act_in_flight();
+        let enough = beside.is_some_and(|p| p.folds.len() >= MANY_SIGNS);
+        // of several that are named each has to be in doubt; on people that is not asked
+        let alone = person || others.is_empty();
+        let refuted_form = out.misfit.as_ref().is_some_and(|m| m.of_all_named || alone);
+        Reasons {
+            named,
+            several,
+            far_in_contact,
+            remains,
+            several_above,
+            hides: far_in_contact || beside.is_some() && may_hide,
+            // a floor that is known roughly can hide a law, too; on people it is often wide
+            in_floor: person && !named && flights.is_some_and(HeldOutResult::may_hide_more),
+            compared: in_flight && enough && flights.is_some_and(|s| s.times_floor() > 1.0),
+            refuted_form,
+            of_another_form: refuted_form || far_away || late,
         }
-        _ => in_doubt.to_vec(),
-    };
-    let rival = crate::laws::Rivals {
-        ratio,
-        single,
-        several: several.then_some(unknowns),
-        doubted,
-        within_floor,
-        lines: kept.iter().filter_map(|v| Line::of(session.scene, v)).collect(),
-        far_in_contact,
-        named: &members,
-        together,
-        one_effect: named && kept.len() == 1,
-        only_compared: compared && !asked,
-    };
-    let Some((made, against)) = crate::laws::search(session, accepted, rival, &taken, until, options) else { return };
-    out.against = against;
-    let points_down = kept.iter().zip(&out.found).any(|(v, f)| delay_or_wind(session, v, &f.nonlinear).is_some());
-    let too_much = out.leaves_too_much(session.model_error[0], left[0], in_flight);
-    let refuted_alone = out.is_of_another_form() || points_down || too_much;
-    let open = out.open.insert(made);
-    let staged = where_they_act(session, open).map(|s| s.errors);
-    open.times_floor_in_contact = staged.and_then(|s| s[1]).map(|e| e.times_floor()).filter(|t| t.is_finite());
-    if let Some([Some(s), _]) = &staged {
-        open.judged_by_stages(s);
     }
-    // a law that contact refuses is not stated
-    let of_law = open.laws.first().filter(|_| open.complete).map(|l| l.id.clone());
-    let with = staged.and_then(|s| s[1]);
-    let refused = of_law.and_then(|id| Refused::by_stages(&id, &id, session.model_error[1], with));
-    if let (Some(no), Some(model_error)) = (refused, &session.model_error[0]) {
-        out.warnings.push(no.words);
-        open.without_laws(model_error);
-        open.times_floor_in_contact = None;
+
+    fn act_in_flight(&self) -> bool {
+        self.kept.iter().any(|v| v.effect.acts().in_flight())
     }
-    // errors of the time base or of lengths look like a constant force in flight, and like many
-    // things in contact
-    if let (Some(model_error), Some([Some(flights), Some(contact)])) = (&session.model_error[0], staged)
-        && contact.times_floor() > POOR_TIMES_FLOOR
-        && open.does_no_better_than_constant(flights.held_out_error / model_error.held_out_error)
-    {
-        open.without_laws(model_error);
-        open.times_floor_in_contact = None;
+
+    /// The ranking of the first round.
+    fn ranking<'o>(&self, out: &'o Discovery) -> &'o [Candidate] {
+        out.rounds.first().map_or(&out.candidates, |r| &r.candidates)
     }
-    // a force of constant size is what the catalogue's own forces, gravity and frame rate look like
-    let constant = open.laws.iter().all(|l| l.variables.is_empty() && l.direction != Direction::Towards);
-    let less = |place: usize| {
-        let laws = staged.and_then(|s| s[place]);
-        laws.zip(left[place]).is_some_and(|(laws, e)| laws.held_out_error < LESS * e.held_out_error)
-    };
-    let in_doubt = out.against.as_ref().is_some_and(AgainstLaw::is_against_the_effect);
-    let takes_its_place = out.against.as_ref().is_some_and(AgainstLaw::is_for_the_law)
-        || open.complete && (less(0) || far_in_contact && less(1));
-    // where the effect reaches the floor, too, a law that leaves a little less is not stated either
-    if let Some(model_error) = session.model_error[0].as_ref().filter(|_| within_floor && in_doubt && !takes_its_place)
-    {
-        open.without_laws(model_error);
+
+    /// Effects of which one is missing: a law has to do better than each.
+    fn members(&self, others: &[(Variant<'a>, Found)], out: &Discovery) -> Vec<Variant<'a>> {
+        match self.kept {
+            [one] if is_named(out) && out.groups.len() == 1 => {
+                let rigid = self.session.prior.is_none();
+                let as_good = || as_good_as(self.session, self.effects, one, self.ranking(out));
+                let not_named = if rigid { as_good() } else { Vec::new() };
+                std::iter::once(one).chain(others.iter().map(|(v, _)| v)).cloned().chain(not_named).collect()
+            }
+            _ => self.in_doubt.to_vec(),
+        }
     }
-    // a law that does better on all rows refutes the effect, even if too much remains to state it
-    let refuted = in_doubt && open.laws.is_empty();
-    let stands = within_floor && !(in_doubt || takes_its_place);
-    if (named || far_in_contact) && (constant && !refuted || stands) {
-        if named && !refuted_alone {
+
+    /// What a law has to do better than.
+    fn rivals<'v>(
+        &self,
+        why: &Reasons,
+        beside: Option<&Problem>,
+        members: &'v [Variant<'a>],
+        out: &Discovery,
+    ) -> Rivals<'v, 'a> {
+        let (session, kept) = (self.session, self.kept);
+        // what contact contradicts is no rival, nor is what is physically impossible
+        let possible = self.ranking(out).iter().filter(|c| c.plausible && !c.placebo && !self.refuted);
+        let single = possible.map(|c| c.held_out_ratio).fold(1.0, f64::min);
+        let errors = beside.map(|p| p.folds.iter().map(|f| f.error).collect::<Vec<f64>>());
+        // on people errors that repeat change the strength of right effects, too
+        let by_form = why.refuted_form && session.prior.is_none();
+        Rivals {
+            ratio: (out.held_out_error_after / out.held_out_error).min(single),
+            single,
+            several: why.several.then(|| kept.iter().map(Variant::unknowns).sum()),
+            doubted: errors.clone().filter(|_| why.of_another_form).map(|errors| Doubted { errors, by_form }),
+            within_floor: why.within_floor(),
+            lines: kept.iter().filter_map(|v| Line::of(session.scene, v)).collect(),
+            far_in_contact: why.far_in_contact,
+            named: members,
+            together: errors.filter(|_| kept.len() > 1).map(|errors| {
+                let effects = kept.iter().map(|v| v.effect.id().to_owned()).collect();
+                Together { effects, errors }
+            }),
+            one_effect: why.named && kept.len() == 1,
+            only_compared: why.compared && !why.asked(out),
+        }
+    }
+
+    /// Lets what the search found take the place of the catalogue's answer, or drops it.
+    fn conclude(&self, why: &Reasons, mut open: OpenWorld, out: &mut Discovery) {
+        let (session, options) = (self.session, self.options);
+        let refuted_alone = self.is_refuted_alone(out);
+        let staged = self.by_stages(&mut open, &mut out.warnings);
+        // a force of constant size is what the catalogue's own forces, gravity and frame rate look like
+        let constant = open.laws.iter().all(|l| l.variables.is_empty() && l.direction != Direction::Towards);
+        let less = |place: usize| {
+            let laws = staged.and_then(|s| s[place]);
+            laws.zip(self.left[place]).is_some_and(|(laws, e)| laws.held_out_error < LESS * e.held_out_error)
+        };
+        let in_doubt = out.against.as_ref().is_some_and(AgainstLaw::is_against_the_effect);
+        let takes_its_place = out.against.as_ref().is_some_and(AgainstLaw::is_for_the_law)
+            || open.complete && (less(0) || why.far_in_contact && less(1));
+        // where the effect reaches the floor, too, a law that leaves a little less is not stated either
+        if why.within_floor() && in_doubt && !takes_its_place {
+            self.without_laws(&mut open);
+        }
+        // a law that does better on all rows refutes the effect, even if too much remains to state it
+        let refuted = in_doubt && open.laws.is_empty();
+        let stands = why.within_floor() && !(in_doubt || takes_its_place);
+        if (why.named || why.far_in_contact) && (constant && !refuted || stands) {
             // what the catalogue names stands, unless a law leaves less
-            out.open = None;
-        } else if let Some(model_error) = &session.model_error[0] {
+            if !why.named || refuted_alone {
+                self.without_laws(&mut open);
+                out.open = Some(open);
+            }
+            return;
+        }
+        let limit = if session.prior.is_some() { options.belief_kinematics } else { options.belief };
+        let described = open.diagnosis.as_ref();
+        let acts =
+            refuted || described.is_some_and(|d| d.held_out_ratio < limit && d.family_wise_p < options.significance);
+        // within the interval of the floor a place and a direction are no evidence that something
+        // acts: errors that repeat have them, too
+        let only_within_floor = why.in_floor && !(why.several_above || why.hides);
+        if !why.remains && !why.named && open.laws.is_empty() && (only_within_floor || !acts) {
+            // an error at its floor is not described further
+            return;
+        }
+        if !open.laws.is_empty() || acts {
+            out.verdict = Verdict::Unexplained;
+            out.effects.clear();
+            out.groups.clear();
+        }
+        if !open.laws.is_empty() || refuted {
+            // effects that removed a part of the error stood in for the law
+            out.misfit = None;
+            out.found.clear();
+            out.ladder.clear();
+            out.held_out_error_after = open.held_out_error_after;
+        }
+        out.open = Some(open);
+    }
+
+    /// True if what is named does not stand, whatever law there is.
+    fn is_refuted_alone(&self, out: &Discovery) -> bool {
+        let found = self.kept.iter().zip(&out.found);
+        let rigid = self.session.prior.is_none() && self.act_in_flight();
+        out.is_of_another_form()
+            || found.into_iter().any(|(v, f)| delay_or_wind(self.session, v, &f.nonlinear).is_some())
+            || out.leaves_too_much(self.session.model_error[0], self.left[0], rigid)
+    }
+
+    /// Errors with the laws in the model, by the stages. Drops laws that contact refuses, or that
+    /// do no better than a force of constant size.
+    fn by_stages(&self, open: &mut OpenWorld, warnings: &mut Vec<String>) -> Option<[Option<HeldOutResult>; 2]> {
+        let model_error = &self.session.model_error;
+        let staged = where_they_act(self.session, open).map(|s| s.errors);
+        open.times_floor_in_contact = staged.and_then(|s| s[1]).map(|e| e.times_floor()).filter(|t| t.is_finite());
+        if let Some([Some(s), _]) = &staged {
+            open.judged_by_stages(s);
+        }
+        let of_law = open.laws.first().filter(|_| open.complete).map(|l| l.id.clone());
+        let with = staged.and_then(|s| s[1]);
+        let refused = of_law.and_then(|id| Refused::by_stages(&id, &id, model_error[1], with));
+        if let (Some(no), Some(_)) = (refused, &model_error[0]) {
+            warnings.push(no.words);
+            self.without_laws(open);
+            open.times_floor_in_contact = None;
+        }
+        // errors of the time base or of lengths look like a constant force in flight, and like many
+        // things in contact
+        if let (Some(before), Some([Some(flights), Some(contact)])) = (&model_error[0], staged)
+            && contact.times_floor() > POOR_TIMES_FLOOR
+            && open.does_no_better_than_constant(flights.held_out_error / before.held_out_error)
+        {
+            self.without_laws(open);
+            open.times_floor_in_contact = None;
+        }
+        staged
+    }
+
+    fn without_laws(&self, open: &mut OpenWorld) {
+        if let Some(model_error) = &self.session.model_error[0] {
             open.without_laws(model_error);
         }
-        return;
     }
-    let limit = if session.prior.is_some() { options.belief_kinematics } else { options.belief };
-    let acts = refuted
-        || open.diagnosis.as_ref().is_some_and(|d| d.held_out_ratio < limit && d.family_wise_p < options.significance);
-    // within the interval of the floor a place and a direction are no evidence that something acts:
-    // errors that repeat have them, too
-    let only_within_floor = may_hide_in_floor && !(several_above || hides);
-    if !remains && !named && open.laws.is_empty() && (only_within_floor || !acts) {
-        // an error at its floor is not described further
-        out.open = None;
-        return;
-    }
-    if !open.laws.is_empty() || acts {
-        out.verdict = Verdict::Unexplained;
-        out.effects.clear();
-        out.groups.clear();
-    }
-    if !open.laws.is_empty() || refuted {
-        // effects that removed a part of the error stood in for the law
-        out.misfit = None;
-        out.found.clear();
-        out.ladder.clear();
-        out.held_out_error_after = open.held_out_error_after;
-    }
+}
+
+fn is_named(out: &Discovery) -> bool {
+    matches!(out.verdict, Verdict::Supported | Verdict::OneOf)
 }
 
 impl Discovery {
@@ -247,8 +366,7 @@ impl Discovery {
     /// others, these may stand in for the same law. On people errors that repeat change the
     /// strength of right effects.
     pub(crate) fn is_of_another_form(&self) -> bool {
-        let named = matches!(self.verdict, Verdict::Supported | Verdict::OneOf);
-        named && self.misfit.as_ref().is_some_and(|m| m.of_all_named)
+        is_named(self) && self.misfit.as_ref().is_some_and(|m| m.of_all_named)
     }
 
     /// True if named effects on a rigid body leave more in many flights than the right ones would:
@@ -260,10 +378,9 @@ impl Discovery {
         left: Option<HeldOutResult>,
         rigid: bool,
     ) -> bool {
-        let named = matches!(self.verdict, Verdict::Supported | Verdict::OneOf);
         let flights = |r: &Round| r.judged_on == wording::domain(Domain::Flight) && r.clusters >= MANY_CLUSTERS;
         let more = before.zip(left).is_some_and(|(before, left)| left.is_not_reached_from(before.held_out_error));
-        rigid && named && self.rounds.iter().any(flights) && more
+        rigid && is_named(self) && self.rounds.iter().any(flights) && more
     }
 }
 

@@ -1,7 +1,7 @@
 //! The answer of a discovery from its rounds: verdict, errors in newtons, what remains, and words.
 
 use crate::addition::addition;
-use crate::beyond::look_beyond;
+use crate::beyond::Beyond;
 use crate::candidate::Variant;
 use crate::held_out::{HeldOutResult, LACK_OF_FIT};
 use crate::judge::may_be_zero;
@@ -364,7 +364,8 @@ pub(crate) fn conclude(
     }
     if has_flights && !options.closed && options.only.is_empty() {
         let refuted = contradicted.is_some() && in_doubt.is_empty();
-        look_beyond(session, accepted, effects, &kept, &in_doubt, refuted, &left, &mut out, until, options);
+        let (kept, in_doubt, left) = (&kept, &in_doubt, &left);
+        Beyond { session, accepted, effects, kept, in_doubt, refuted, left, until, options }.look(&mut out);
     }
     let too_much = out.leaves_too_much(model_error, left[0], rigid);
     let far = far.or_else(|| Some((wording::domain(Domain::Flight), left[0].filter(|_| too_much)?)));

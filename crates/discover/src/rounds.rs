@@ -16,11 +16,11 @@ use crate::problem::{Domain, Problem};
 use crate::rank::{EffectScore, judged_in};
 use crate::result::{FEWEST_CLUSTERS, NotTried, Round, Verdict};
 use crate::rivals::Rival;
-use crate::round::{run_round, wanted};
+use crate::round::{Ask, run_round, wanted};
 use crate::session::Session;
 use crate::shown_in_both::also_in_flight;
 use crate::wording;
-use aloft_effects::{Effect, EffectInstance, Target};
+use aloft_effects::{Effect, EffectInstance};
 use nalgebra::DMatrix;
 
 /// A pair of effects has to reduce the error below this share of that of the best single effect.
@@ -172,44 +172,29 @@ impl<'a> Rounds<'_, 'a> {
         extra: &[Vec<DMatrix<f64>>],
         at_floor: Option<&AtFloor>,
     ) -> (Round, Vec<EffectScore<'a>>, Vec<Rival<'a>>) {
-        let (session, options, made) = (self.session, self.options, &self.made);
-        let model: Vec<String> = self
-            .accepted
-            .iter()
-            .map(|c| c.key(session.scene))
-            .chain(made.found.iter().map(|f| f.key.clone()))
-            .collect();
-        let already: Vec<(&dyn Effect, Target)> = self
-            .accepted
-            .iter()
-            .map(|c| (c.effect, c.target))
-            .chain(made.kept.iter().map(|v| (v.effect, v.target)))
-            .collect();
-        let ranking = run_round(
-            session,
+        let ask = Ask {
+            session: self.session,
             problem,
             extra,
-            self.effects,
-            &already,
-            &self.refit(),
-            made.kept.is_empty(),
-            model,
-            made.has_flights,
+            effects: self.effects,
+            beside: self.refit(),
+            first_round: self.made.kept.is_empty(),
+            has_flights: self.made.has_flights,
             at_floor,
-            options,
-        );
+        };
+        let ranking = run_round(&ask);
         // an effect whose law gives no numbers cannot be ranked; report it, so that the result is
         // not taken for "nothing missing"
         let unranked = |e: &dyn Effect| {
             let listed =
-                ranking.1.iter().any(|s| s.effect.id() == e.id()) || already.iter().any(|(a, _)| a.id() == e.id());
-            wanted(e, options)
+                ranking.1.iter().any(|s| s.effect.id() == e.id()) || ask.already().any(|(a, _)| a.id() == e.id());
+            wanted(e, self.options)
                 && judged_in(e, domain)
                 && (!listed || aloft_effects::effect(e.id()).is_err())
-                && !made.left_out.iter().any(|l| l.effect == e.id())
+                && !self.made.left_out.iter().any(|l| l.effect == e.id())
         };
         let missing: Vec<NotTried> =
-            self.effects.iter().filter(|e| unranked(**e)).filter_map(|e| not_tried(session, *e, domain)).collect();
+            self.effects.iter().filter(|e| unranked(**e)).filter_map(|e| not_tried(self.session, *e, domain)).collect();
         self.made.left_out.extend(missing);
         ranking
     }

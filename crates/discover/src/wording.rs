@@ -66,7 +66,6 @@ pub(crate) fn round(
     effects: &[String],
     limits: &[&str],
     candidates: &[Candidate],
-    limit: impl Fn(&Candidate) -> f64,
     few: bool,
 ) -> String {
     let best = candidates.iter().find(|c| !c.placebo);
@@ -94,7 +93,7 @@ pub(crate) fn round(
             if verdict == Verdict::NotDetectable { "not detectable" } else { "nothing missing" },
             b.key,
             100.0 * b.held_out_ratio,
-            disbelief(b, limit(b), candidates),
+            disbelief(b, b.accepted_below, candidates),
             if few { " (fewer than six flights or trials: too few to name an effect)" } else { "" },
         ),
         _ => "no effect could be tried".to_owned(),
