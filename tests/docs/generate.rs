@@ -42,7 +42,7 @@ pub fn pages() -> Pages {
 }
 
 fn commands() -> String {
-    let mut out = from("the definitions in crates/cli/src/args.rs");
+    let mut out = from("the definitions in crates/cli/src/args.rs and crates/cli/src/args");
     out += "# Commands\n\nWhat `aloft --help` and `aloft COMMAND --help` print. `aloft man` prints the manual page, `aloft completions SHELL` the completions.\n\n";
     let help = |words: &[&str]| aloft(words).trim_end().to_owned();
     let _ = writeln!(out, "```text\n{}\n```\n", help(&["--help"]));

@@ -4,10 +4,11 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 mod actions;
+mod options;
 mod values;
 
 pub use actions::{EffectAction, MarkerSetAction};
-use values::seconds;
+pub use options::{CompareArgs, DiscoverArgs, ExportArgs, ParametersArgs, RunArgs};
 
 /// Learns the mass properties of a moving body from its motion in the air, and finds the physics
 /// that a model is missing.
@@ -119,42 +120,7 @@ pub enum Command {
     #[command(
         after_help = "Examples:\n  aloft run pipelines/demo.yaml\n  aloft run pipelines/human.yaml --data lab/s01 --workspace out/s01\n  aloft run P.yaml --from filter            after a change of the cut-off\n  aloft run P.yaml --trial 'jump0*' --dry-run\n  aloft run P.yaml --subject sub-02 --session 'ses-0*'"
     )]
-    Run {
-        /// The pipeline.
-        #[command(flatten)]
-        pipeline: PipelineArgs,
-        /// Begin with this stage; earlier ones must be up to date.
-        #[arg(long, value_name = "STAGE")]
-        from: Option<String>,
-        /// Run this stage only.
-        #[arg(long, value_name = "STAGE", conflicts_with_all = ["from", "until"])]
-        only: Option<String>,
-        /// End with this stage.
-        #[arg(long, value_name = "STAGE")]
-        until: Option<String>,
-        /// Only these trials (name or pattern; may be given several times).
-        #[arg(long, value_name = "GLOB")]
-        trial: Vec<String>,
-        /// Say what would run, and run nothing.
-        #[arg(long)]
-        dry_run: bool,
-        /// Run also what is up to date.
-        #[arg(long)]
-        force: bool,
-        /// Work beside other runs on the same workspace, each on trials or stages of its own (jobs
-        /// of a cluster).
-        #[arg(long)]
-        shared: bool,
-        /// Wait where another run holds the workspace, instead of saying who it is.
-        #[arg(long)]
-        wait: bool,
-        /// Threads (all cores where not given).
-        #[arg(short = 'j', value_name = "N")]
-        jobs: Option<usize>,
-        /// Also every warning, single frames, and the table of all recordings.
-        #[arg(long)]
-        details: bool,
-    },
+    Run(RunArgs),
     /// Check configuration, labels and files; changes nothing.
     #[command(
         after_help = "Examples:\n  aloft check P.yaml\n  aloft check P.yaml --data lab/s01\n  aloft check P.yaml --details            every remark on every recording\n\nRemarks of one kind are one line, with the recordings that it concerns. After a run, the session check is shown, too: time of the plates against the cameras, weights, zeros, vertical, labels and markers, each with its interval and what it should be."
@@ -253,98 +219,19 @@ pub enum Command {
     #[command(
         after_help = "Examples:\n  aloft parameters P.yaml\n  aloft parameters P.yaml --rows acceleration\n  aloft parameters P.yaml --subject sub-02 --json"
     )]
-    Parameters {
-        /// The pipeline.
-        #[command(flatten)]
-        pipeline: PipelineArgs,
-        /// Results that are not up to date.
-        #[command(flatten)]
-        strict: StrictArgs,
-        /// Rows to show instead of the pipeline's choice.
-        #[arg(long, value_enum)]
-        rows: Option<RowsArg>,
-        /// First try other window lengths, added noise (SIMEX) and motions that were not made; the
-        /// answer stays in the workspace.
-        #[arg(long)]
-        assess: bool,
-        /// Robots: also write the trajectories of the flights to record next to this folder, as CSV
-        /// to play.
-        #[arg(long, value_name = "DIR", requires = "assess")]
-        next_flights: Option<PathBuf>,
-        /// Machine-readable output.
-        #[arg(long)]
-        json: bool,
-    },
+    Parameters(ParametersArgs),
     /// Compare the model with measurement: by trial, phase, axis, segment.
     #[command(
         after_help = "Examples:\n  aloft compare P.yaml\n  aloft compare P.yaml --by segment,posture\n  aloft compare P.yaml --estimators       rows × estimators × geometry on the same held-out motion\n  aloft compare P.yaml --leave-one-out    each trial predicted from the others: tables, flights, contact, both"
     )]
-    Compare {
-        /// The pipeline.
-        #[command(flatten)]
-        pipeline: PipelineArgs,
-        /// Results that are not up to date.
-        #[command(flatten)]
-        strict: StrictArgs,
-        /// Every way of identifying on the same held-out motion: rows, estimators, landmark and
-        /// calibrated geometry, tables.
-        #[arg(long)]
-        estimators: bool,
-        /// Each trial predicted from all others, contact and flight apart: from tables, from
-        /// flights, from contact, from both.
-        #[arg(long, conflicts_with = "estimators")]
-        leave_one_out: bool,
-        /// Only these breakdowns (may be given several times, or as a list with commas).
-        #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
-        by: Vec<ByArg>,
-        /// All breakdowns, single frames, calibration.
-        #[arg(long)]
-        details: bool,
-        /// Machine-readable output.
-        #[arg(long)]
-        json: bool,
-    },
+    Compare(CompareArgs),
     /// Say which physical effect or measurement artefact is missing, how sure, and what it can be
     /// confused with. Where error remains above the floor, laws beyond the catalogue are sought;
     /// what is known already is printed on stderr meanwhile.
     #[command(
         after_help = "Examples:\n  aloft discover P.yaml\n  aloft discover P.yaml --without plate_origin\n  aloft discover P.yaml --only tether --only wind --json\n  aloft discover P.yaml --self-test       inject effects into these recordings and count the right names"
     )]
-    Discover {
-        /// The pipeline.
-        #[command(flatten)]
-        pipeline: PipelineArgs,
-        /// Results that are not up to date.
-        #[command(flatten)]
-        strict: StrictArgs,
-        /// Only these effects (may be given several times).
-        #[arg(long, value_name = "NAME")]
-        only: Vec<String>,
-        /// Not these effects.
-        #[arg(long, value_name = "NAME")]
-        without: Vec<String>,
-        /// Rank the catalogue only: no search for laws beyond it.
-        #[arg(long)]
-        closed: bool,
-        /// Time for the search, s (`10` or `10s`): the search for laws beyond the catalogue then
-        /// begins nothing new, and the answer says that more time may find more.
-        #[arg(long, value_name = "SECONDS", value_parser = seconds)]
-        budget: Option<f64>,
-        /// Inject effects of known size into these recordings and count how often they come out
-        /// under their name.
-        #[arg(long)]
-        self_test: bool,
-        /// Compute the answer anew. Without it an answer to the same question is shown again if
-        /// nothing that it rests on has changed.
-        #[arg(long)]
-        again: bool,
-        /// More candidates, and how each round was decided.
-        #[arg(long)]
-        details: bool,
-        /// Machine-readable output.
-        #[arg(long)]
-        json: bool,
-    },
+    Discover(DiscoverArgs),
     /// List, show, add or remove effects of the model.
     #[command(
         after_help = "Examples:\n  aloft effect list\n  aloft effect show tether\n  aloft effect add P.yaml tether\n  aloft effect remove P.yaml tether"
@@ -407,26 +294,7 @@ pub enum Command {
         after_help = export_help(),
         long_about = "Write files for other programs. The folder must be new, empty or an earlier export; nothing else is overwritten."
     )]
-    Export {
-        /// The pipeline.
-        #[command(flatten)]
-        pipeline: PipelineArgs,
-        /// Results that are not up to date.
-        #[command(flatten)]
-        strict: StrictArgs,
-        /// Folder to write (`export` in the workspace where not given).
-        #[arg(long, visible_alias = "out", value_name = "DIR")]
-        to: Option<PathBuf>,
-        /// Formats, with commas between them (all where not given).
-        #[arg(long, value_name = "LIST", value_delimiter = ',')]
-        format: Vec<String>,
-        /// Only these trials (name or pattern; may be given several times).
-        #[arg(long, value_name = "GLOB")]
-        trial: Vec<String>,
-        /// Joint angles instead of the pipeline's choice.
-        #[arg(long, value_enum)]
-        angles: Option<AnglesArg>,
-    },
+    Export(ExportArgs),
     /// Make a laboratory folder of C3D trials with known truth.
     #[command(
         after_help = "Examples:\n  aloft simulate chain_clean --out lab\n  aloft simulate configs/scenarios/human_tether.yaml --out lab --seed 3"
