@@ -2,7 +2,7 @@
 
 use crate::compare::{ComparisonView, JudgedOn, compare};
 use crate::held_out::{HeldOutError, weight_n};
-use crate::scene::coefficient_ranges;
+use crate::scene::of_coefficients;
 use aloft_compare::{POOR_TIMES_FLOOR, significant};
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
@@ -120,6 +120,8 @@ pub struct HistoryCoefficient {
     pub se: f64,
     /// 95 % interval, the same as in `parameters`; none if the standard error is not known.
     pub ci95: Option<[f64; 2]>,
+    /// Unit; empty in models written before units were stored.
+    pub unit: String,
 }
 
 /// Stages whose results the last revision is read from.
@@ -289,6 +291,7 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
                     value: c.value,
                     se: c.se,
                     ci95: c.ci95,
+                    unit: c.unit.clone(),
                 };
                 n.coefficients.iter().map(of).collect()
             })
@@ -372,10 +375,12 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
         value: l.value,
         se: half(l.ci95) / 1.96,
         ci95: Some(l.ci95),
+        unit: String::new(),
         range: None,
     });
-    let ranges = if session.effects.is_empty() { BTreeMap::new() } else { coefficient_ranges(session)? };
-    let outside = |name: &str, value: f64| ranges.get(name).and_then(|range| out_of(*range, value));
+    let known = if session.effects.is_empty() { BTreeMap::new() } else { of_coefficients(session)? };
+    let outside = |name: &str, value: f64| known.get(name).and_then(|(_, range)| out_of(*range, value));
+    let unit = |name: &str| known.get(name).map_or(String::new(), |(unit, _)| unit.clone());
     let mut trials: Vec<String> = c.first.trials.iter().map(|t| t.trial.clone()).collect();
     trials.sort();
     Ok(Reached {
@@ -395,6 +400,7 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
                 value: e.value,
                 se: e.se,
                 ci95: e.ci95,
+                unit: unit(&e.name),
                 range: outside(&e.name, e.value),
             })
             .chain(laws)
@@ -438,6 +444,7 @@ mod tests {
                 value: 0.02,
                 se: 0.001,
                 ci95: Some([0.018, 0.022]),
+                unit: "m²".into(),
                 range: None,
             }],
             base: vec![("M".into(), 60.0), ("MCx".into(), 0.01 * flight_n)],

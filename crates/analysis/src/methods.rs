@@ -2,7 +2,9 @@
 //! into a paper.
 
 use crate::compare::compare;
+use crate::history::history;
 use crate::parameters::parameters;
+use crate::wording::unit;
 use aloft_body::Subject;
 use aloft_flight::FlightReport;
 use aloft_pipeline::stages::filter::low_pass;
@@ -141,9 +143,10 @@ fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> Re
     }
     if !durations.is_empty() {
         t.push_str(&format!(
-            " {} flights of {} s, in which gravity alone acts, were found from {}.",
+            " {} flights of {} s, in which {}, were found from {}.",
             durations.len(),
             mean_sd(&durations, 2),
+            if session.effects.is_empty() { "gravity alone was taken to act" } else { "nothing touched the ground" },
             if has_plates { "plates and motion" } else { "motion" }
         ));
     }
@@ -166,8 +169,7 @@ fn identification(session: &SubjectSession, ws: &Workspace) -> Result<String, Pi
             p.sigma.ratio
         ));
         if !p.effects.is_empty() {
-            let names: BTreeSet<String> = session.effects.iter().map(|e| e.key.clone()).collect();
-            t.push_str(&format!(" The model includes {}.", listed(&names)));
+            t.push_str(&effects(session)?);
         }
     }
     if ws.place("compare", WHOLE_STUDY).join("comparison.json").is_file() {
@@ -198,6 +200,32 @@ fn identification(session: &SubjectSession, ws: &Workspace) -> Result<String, Pi
                 _ => t.push('.'),
             }
         }
+    }
+    Ok(t)
+}
+
+/// Effects of the model with their sizes, how they were chosen, and what is not certain of them.
+fn effects(session: &SubjectSession) -> Result<String, PipelineError> {
+    let figure = |x: f64| aloft_compare::significant(x, 3);
+    let Some(now) = history(session)?.revisions.pop() else { return Ok(String::new()) };
+    let sizes: Vec<String> = now
+        .coefficients
+        .iter()
+        .map(|c| {
+            let interval = c.ci95.map_or("no interval".to_owned(), |[low, high]| {
+                format!("95 % interval {} to {}", figure(low), figure(high))
+            });
+            format!("{} {} {} ({interval})", c.name, figure(c.value), unit(&c.unit))
+        })
+        .collect();
+    let names: BTreeSet<String> = now.effects.iter().cloned().collect();
+    let mut t = format!(
+        " The model includes {}: {}. These effects were chosen on the same recordings.",
+        listed(&names),
+        sizes.join("; ")
+    );
+    for caution in now.cautions {
+        t.push_str(&format!(" Caution: {}.", caution.trim_end_matches('.')));
     }
     Ok(t)
 }

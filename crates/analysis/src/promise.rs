@@ -166,6 +166,7 @@ pub fn tried(
             value: e.value,
             se: e.se,
             ci95: e.ci95,
+            unit: String::new(),
             range: None,
         };
         Ok(Tried {

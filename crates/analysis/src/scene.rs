@@ -26,15 +26,16 @@ pub(crate) fn scene(session: &SubjectSession) -> Result<Scene, PipelineError> {
     Ok(Scene::new(&subject.model, &subject.prior_phi(), &centres))
 }
 
-/// Physical ranges of the coefficients of a model's effects, by their names in the parameters.
-pub(crate) fn coefficient_ranges(session: &SubjectSession) -> Result<BTreeMap<String, [f64; 2]>, PipelineError> {
+/// Units and physical ranges of the coefficients of a model's effects, by their names in the
+/// parameters.
+pub(crate) fn of_coefficients(session: &SubjectSession) -> Result<BTreeMap<String, (String, [f64; 2])>, PipelineError> {
     let scene = scene(session)?;
     let known = KnownEffects::of(&session.own_effects, &scene)?;
     let mut out = BTreeMap::new();
     for effect in session.effects.iter().filter(|e| !e.is_of_joints()) {
         let choice = known.choice(&scene, effect)?;
         for c in choice.effect.coefficients(&scene, choice.target) {
-            out.insert(format!("{}.{}", effect.key, c.name), [c.lower, c.upper]);
+            out.insert(format!("{}.{}", effect.key, c.name), (c.unit.to_string(), [c.lower, c.upper]));
         }
     }
     Ok(out)

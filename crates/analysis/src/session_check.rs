@@ -109,6 +109,18 @@ impl Source<'_> {
     }
 }
 
+impl SessionCheck {
+    /// What a force that acts in flight does to these lines, where lines that assume free fall
+    /// differ and such a force is in the model or was found (`acts`).
+    pub fn changed_by_a_force(&self, acts: bool) -> Option<&'static str> {
+        let falls = |l: &SessionLine| {
+            l.status == LineStatus::Differs && ["impulse_mass", "free_fall", "vertical"].contains(&l.id)
+        };
+        (acts && self.lines.iter().any(falls))
+            .then_some("A force on the body in flight changes mass, rate and vertical as measured here.")
+    }
+}
+
 /// Collects the check from the results in the session's workspace.
 pub fn session_check(session: &SubjectSession) -> SessionCheck {
     let source = Source { session, ws: Workspace::open(&session.workspace) };

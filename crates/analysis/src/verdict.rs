@@ -1,7 +1,8 @@
 //! The verdict of a discovery in its documented words, for the terminal and the report.
 
+use crate::wording::unit;
 use aloft_compare::significant;
-use aloft_discover::{AgainstLaw, Candidate, Discovery, Estimate, Group, Verdict};
+use aloft_discover::{AgainstLaw, Candidate, Discovery, Estimate, Group, Round, Verdict};
 use aloft_effects::EffectKind;
 
 fn group(g: &Group) -> String {
@@ -62,6 +63,43 @@ pub fn at_most(p: f64) -> String {
 /// Up to this number of clusters there are fewer than 100 patterns of signs.
 const FEW_PATTERNS: usize = 7;
 
+/// What the signs of residuals, flipped at random, gave in a round: how little the best of all
+/// candidates left. n clusters have 2ⁿ⁻¹ patterns of signs up to a common one.
+pub fn chance_of(round: &Round) -> String {
+    let (share, chance) = round.by_chance();
+    if round.clusters > FEW_PATTERNS {
+        return format!("below {chance:.3} in {:.0} of 100 draws", 100.0 * share);
+    }
+    let others = (1_usize << round.clusters.saturating_sub(1)) - 1;
+    format!("not below {chance:.3} in any of the {others} other patterns of signs")
+}
+
+/// How often chance alone lets the best of all candidates do as well as this one.
+fn chance_in_words(round: &Round, best: &Candidate) -> String {
+    if round.clusters <= FEW_PATTERNS {
+        let patterns = 1_usize << round.clusters.saturating_sub(1);
+        return format!(
+            "does as well with a probability of at most {} ({} flights or trials cannot show less than 1 in {patterns})",
+            at_most(best.family_wise_p),
+            round.clusters
+        );
+    }
+    let (share, chance) = round.by_chance();
+    format!("leaves less than {:.0} % in {:.0} of 100 cases", 100.0 * chance, 100.0 * share)
+}
+
+/// How a candidate was decided: `named`, or why it is not.
+pub fn decided(c: &Candidate, d: &Discovery) -> String {
+    if d.effects.contains(&c.effect) && c.believed {
+        return "named".to_owned();
+    }
+    let placebos = d.rounds.iter().flat_map(|r| &r.candidates).filter(|p| p.placebo && p.judged_on == c.judged_on);
+    match c.believed {
+        true => "others fit better, or contain it".to_owned(),
+        false => c.doubt(placebos.map(|p| p.held_out_ratio).reduce(f64::min)),
+    }
+}
+
 /// What the evidence for the named effects is: what the first of them leaves of the error, and what
 /// chance alone would; none where none is named.
 pub fn how_sure(d: &Discovery) -> Option<String> {
@@ -71,7 +109,6 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     let round = d.rounds.iter().find(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf))?;
     let here = |c: &&Candidate| !c.placebo && round.effects.contains(&c.effect);
     let best = round.candidates.iter().filter(here).min_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio))?;
-    let (share, chance) = round.by_chance();
     let unit = if best.judged_on == "contact" { "stretches of contact" } else { "flights or trials" };
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
     let several = d.found.len() > 1;
@@ -84,12 +121,7 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
         "it".to_owned()
     };
     let then = if several { beside_others(d, best).unwrap_or_default() } else { String::new() };
-    // n recordings have 2ⁿ⁻¹ patterns of signs up to a common one
-    let by_chance = if round.clusters <= FEW_PATTERNS {
-        format!("does as well with a probability of at most {}", at_most(best.family_wise_p))
-    } else {
-        format!("leaves less than {} % in {} of 100 cases", percent(chance), percent(share))
-    };
+    let by_chance = chance_in_words(round, best);
     // a law that does better would have taken the effect's place
     let law = d.against.as_ref().map_or(String::new(), |a| {
         let alike = if a.is_as_good() && !a.law.is_empty() { as_well(a) } else { String::new() };
@@ -104,6 +136,38 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
         percent(best.ci95[0]),
         percent(best.ci95[1]),
     ))
+}
+
+/// Most effects whose smallest detectable size is stated.
+const STATED: usize = 4;
+
+/// What an answer that names nothing does not exclude: the sizes from which the likeliest physical
+/// effects would be found; none where something is named, or where no size is known.
+pub fn not_excluded(d: &Discovery) -> Option<String> {
+    if !matches!(d.verdict, Verdict::NothingMissing | Verdict::NotDetectable) {
+        return None;
+    }
+    let place = d.rounds.first().map(|r| r.judged_on.as_str())?;
+    let possible = |c: &&Candidate| {
+        // a limit only where the estimate itself is below it
+        !c.placebo
+            && c.kind == EffectKind::Physics
+            && c.judged_on == place
+            && c.minimum_detectable.is_finite()
+            && of_first_unit(c).all(|e| e.value.abs() < c.minimum_detectable)
+    };
+    let sizes: Vec<String> = d
+        .candidates
+        .iter()
+        .filter(possible)
+        .take(STATED)
+        .filter_map(|c| {
+            let first = c.coefficients.first()?;
+            Some(format!("{} below {} {}", c.key, significant(c.minimum_detectable, 2), unit(&first.unit)))
+        })
+        .collect();
+    (!sizes.is_empty())
+        .then(|| format!("{}; each size would be found in four of five sessions like this one", sizes.join(", ")))
 }
 
 /// What is said of a law that predicts as well as the effect: that it is the same force, or by how
@@ -154,15 +218,7 @@ fn of_body(d: &Discovery) -> String {
         }
         Verdict::NothingMissing => "nothing missing".to_owned(),
         Verdict::Unexplained => "unexplained".to_owned(),
-        Verdict::NotDetectable => {
-            // a limit only where the estimate itself is below it
-            let small = |c: &&Candidate| of_first_unit(c).all(|e| e.value.abs() < c.minimum_detectable);
-            let below = d.candidates.iter().find(|c| !c.placebo).filter(small).map_or(String::new(), |c| {
-                let unit = c.coefficients.first().map_or("", |e| e.unit.as_str());
-                format!(" (below {} {unit} of {})", significant(c.minimum_detectable, 2), c.key)
-            });
-            format!("not detectable{below}")
-        }
+        Verdict::NotDetectable => "not detectable".to_owned(),
     }
 }
 

@@ -42,7 +42,7 @@ pub fn grid(errors: &[HeldOutError]) -> Grid {
 }
 
 /// What the columns of [`grid`] mean.
-pub const MEANING: &str = "error: root mean square over held-out weak windows of force, with moment over a lever of 0.1 m; floor: error of a perfect model on these recordings; tables: error of the body from tables";
+pub const MEANING: &str = "error: root mean square over held-out weak windows of √(force² + (moment / 0.1 m)²), so that 1 N·m counts as 10 N; floor: error of a perfect model on these recordings; tables: error of the body from tables";
 
 /// Subject and what was identified, two lines.
 pub fn identified(view: &ComparisonView) -> [String; 2] {
@@ -66,7 +66,7 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
         ),
     );
     let tables = p.in_all - p.from_motion - p.from_scale;
-    let scale = if p.from_scale > 0 { format!(", {} from the scale", p.from_scale) } else { String::new() };
+    let scale = if p.from_scale > 0 { format!(", {} from the stated mass", p.from_scale) } else { String::new() };
     let rest = if tables > 0 { format!("{scale}, {tables} from tables") } else { scale };
     let gate = match (p.gate_passed, p.held_by_prior, p.hidden_by_error) {
         (true, ..) => "gate passed",

@@ -16,9 +16,8 @@ use aloft_discover::{Candidate, Discovery, Estimate, JointDiscovery, JointFindin
 use aloft_effects::{ActsIn, EffectKind};
 use aloft_study::subject_session::SubjectSession;
 
-/// Candidates shown without `--details`, and with it.
+/// Candidates shown without `--details`.
 const SHORT: usize = 6;
-const LONG: usize = 15;
 
 /// The catalogue of effects, by family.
 pub fn effects(list: &[EffectLine]) -> Result<(), Stop> {
@@ -84,6 +83,9 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     if !said && (d.found.is_empty() || d.verdict == Verdict::Unexplained) {
         out(labelled("", &d.words))?;
     }
+    if let Some(words) = verdict::not_excluded(d) {
+        out(labelled("not excluded: ", &words))?;
+    }
     for found in &d.found {
         let estimates: Vec<&Estimate> = found.coefficients.iter().chain(&found.nonlinear).collect();
         let mut t = table(&[found.key.as_str(), "value", "± 95 %", "unit"]).left(&[3]);
@@ -106,7 +108,7 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
         joints(j, details)?;
     }
     out("")?;
-    candidates(view, if details { LONG } else { SHORT })?;
+    candidates(view, details)?;
     if let Some(open) = &d.open {
         crate::laws::laws(open)?;
     }
@@ -299,8 +301,8 @@ fn first_place(view: &DiscoveryView) -> String {
     named.map(|c| &c.judged_on).or(worst.map(|e| &e.judged_on)).or(rounds).cloned().unwrap_or_default()
 }
 
-/// The best candidates of the ranking.
-fn candidates(view: &DiscoveryView, shown: usize) -> Result<(), Stop> {
+/// The best candidates of the ranking; with `details` all of them, with what decided on each.
+fn candidates(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     let d = &view.discovery;
     let mut all: Vec<&Candidate> = d.candidates.iter().filter(|c| !c.placebo).collect();
     // shares of different errors do not stand in one order
@@ -310,9 +312,18 @@ fn candidates(view: &DiscoveryView, shown: usize) -> Result<(), Stop> {
     let places = usize::from(all.iter().any(|c| c.judged_on != place));
     let mut header = vec!["candidate"];
     header.extend(["in"].iter().take(places));
-    header.extend(["left %", "95 %", "coefficient", "± 95 %", "detectable", "unit", "confusable with"]);
-    let left: Vec<usize> = (1..=places).chain([6 + places]).collect();
-    let mut t = table(&header).left(&left).wrapped(7 + places).optional(&[5 + places, 2 + places]);
+    header.extend(["left %", "95 %"]);
+    let decided = header.len();
+    header.extend(["decided"].iter().take(usize::from(details)));
+    header.extend(["coefficient", "± 95 %", "detectable", "unit"]);
+    let size = header.len() - 4;
+    header.extend(["of"].iter().take(usize::from(details)));
+    header.push("confusable with");
+    let like_at = header.len() - 1;
+    let left: Vec<usize> = (1..=places).chain(size + 3..=like_at).collect();
+    let t = table(&header).left(&left);
+    let mut t = if details { t.wrapped(decided) } else { t.wrapped(like_at).optional(&[size + 2, 1 + places]) };
+    let shown = if details { all.len() } else { SHORT };
     for c in all.iter().take(shown) {
         let first = verdict::shown_coefficient(c);
         let mut row = vec![c.key.clone()];
@@ -320,18 +331,28 @@ fn candidates(view: &DiscoveryView, shown: usize) -> Result<(), Stop> {
         row.extend([
             format!("{:.0}", 100.0 * c.held_out_ratio),
             format!("{:.0} to {:.0}", 100.0 * c.ci95[0], 100.0 * c.ci95[1]),
+        ]);
+        row.extend(details.then(|| verdict::decided(c, d)));
+        row.extend([
             first.map_or("–".into(), |e| if e.at_bound { significant(e.value, 3) } else { beside(e.value, e.ci95) }),
             first.map_or("–".into(), uncertainty),
             significant(c.minimum_detectable, 2),
             first.map_or(String::new(), |e| unit(&e.unit)),
-            like(c, d).join(" "),
         ]);
+        row.extend(details.then(|| first.map_or(String::new(), |e| e.name.clone())));
+        row.push(like(c, d).join(" "));
         t.add_row(row);
     }
+    let left_out = t.left_out().join(", ");
     out(t)?;
     let more = all.len().saturating_sub(shown);
-    if more > 0 {
-        out(format!("… and {more} more{}", if shown < LONG { ": --details" } else { "" }))?;
+    let missing = [
+        (more > 0).then(|| format!("… and {more} more")),
+        (!left_out.is_empty()).then(|| format!("columns left out: {left_out}")),
+    ];
+    let missing: Vec<String> = missing.into_iter().flatten().collect();
+    if !missing.is_empty() {
+        out(format!("{}: --details", missing.join("; ")))?;
     }
     let of = if places > 0 { "there".to_owned() } else { format!("in {place}") };
     out(labelled(
@@ -354,18 +375,16 @@ fn uncertainty(e: &Estimate) -> String {
 fn rounds(d: &Discovery) -> Result<(), Stop> {
     out("")?;
     for (i, r) in d.rounds.iter().enumerate() {
-        let (share, chance) = r.by_chance();
         let model = if r.model.is_empty() { "without effects".to_owned() } else { format!("with {}", names(&r.model)) };
         out(labelled(
             &format!("round {}: ", i + 1),
             &format!(
-                "judged in {} on {} flights or trials, model {model}: {}; accepted only below a ratio of {:.3}; by chance {:.0} % of the best ratios were below {:.3}",
+                "judged in {} on {} flights or trials, model {model}: {}; accepted only below a ratio of {:.3}; with signs flipped at random the best ratio was {}",
                 r.judged_on,
                 r.clusters,
                 r.words,
                 r.threshold,
-                100.0 * share,
-                chance
+                verdict::chance_of(r)
             ),
         ))?;
     }

@@ -2,7 +2,7 @@
 //! that each of them reached.
 
 use crate::errors::{figure, judgement};
-use crate::render::{beside, half, out, significant};
+use crate::render::{beside, half, out, significant, unit};
 use crate::screen::{Cell, labelled, table};
 use crate::stop::Stop;
 use aloft_analysis::history::{History, HistoryRow};
@@ -99,9 +99,9 @@ fn coefficients(r: &HistoryRow) -> Result<(), Stop> {
         return Ok(());
     }
     let head = format!("revision {}", r.revision);
-    let mut t = table(&[head.as_str(), "value", "± 95 %"]);
+    let mut t = table(&[head.as_str(), "value", "± 95 %", "unit"]).left(&[3]);
     for c in &r.coefficients {
-        t.add_row([format!("  {}", c.name), beside(c.value, c.ci95), half(c.ci95)]);
+        t.add_row([format!("  {}", c.name), beside(c.value, c.ci95), half(c.ci95), unit(&c.unit)]);
     }
     out(t)?;
     for caution in &r.cautions {

@@ -6,6 +6,7 @@ use aloft_study::quote::visible;
 use std::io::Write;
 
 pub use crate::screen::table;
+pub use aloft_analysis::wording::unit;
 pub use aloft_compare::significant;
 
 /// Prints to stdout; a closed pipe ends the command without a message.
@@ -80,11 +81,6 @@ pub fn beside(value: f64, ci95: Option<[f64; 2]>) -> String {
         }
         None => significant(value, 3),
     }
-}
-
-/// A unit in readable form: `m^2` becomes m², `N*s/m` becomes N·s/m; `1` becomes empty.
-pub fn unit(u: &str) -> String {
-    if u == "1" { String::new() } else { u.replace("^2", "²").replace("^3", "³").replace('*', "·") }
 }
 
 /// Prints a value as JSON.

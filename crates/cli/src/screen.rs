@@ -144,6 +144,11 @@ pub fn table(header: &[&str]) -> Grid {
     }
 }
 
+/// Width of these columns with the gaps between them.
+fn total(shown: &[usize], sizes: &[usize]) -> usize {
+    shown.iter().map(|c| sizes[*c]).sum::<usize>() + GAP * shown.len().saturating_sub(1)
+}
+
 impl Grid {
     /// Adds a row.
     pub fn add_row<C: Into<Cell>>(&mut self, cells: impl IntoIterator<Item = C>) {
@@ -173,20 +178,34 @@ impl Grid {
         self
     }
 
-    fn lines(&self, width: usize) -> Vec<String> {
+    /// Headers of the columns that this width leaves out.
+    pub fn left_out(&self) -> Vec<&str> {
+        let shown = self.shown(&self.sizes(), width());
+        (0..self.header.len()).filter(|c| !shown.contains(c)).map(|c| self.header[c].as_str()).collect()
+    }
+
+    /// Width of each column.
+    fn sizes(&self) -> Vec<usize> {
         let cell = |row: &[Cell], c: usize| row.get(c).map_or(0, |cell| columns_of(&cell.text));
-        let mut sizes: Vec<usize> = (0..self.header.len())
+        (0..self.header.len())
             .map(|c| self.rows.iter().map(|r| cell(r, c)).fold(columns_of(&self.header[c]), usize::max))
-            .collect();
-        let total = |shown: &[usize], sizes: &[usize]| {
-            shown.iter().map(|c| sizes[*c]).sum::<usize>() + GAP * shown.len().saturating_sub(1)
-        };
+            .collect()
+    }
+
+    /// Columns that are shown.
+    fn shown(&self, sizes: &[usize], width: usize) -> Vec<usize> {
         let mut shown: Vec<usize> = (0..self.header.len()).collect();
         for drop in &self.optional {
-            if total(&shown, &sizes) > width {
+            if total(&shown, sizes) > width {
                 shown.retain(|c| c != drop);
             }
         }
+        shown
+    }
+
+    fn lines(&self, width: usize) -> Vec<String> {
+        let mut sizes = self.sizes();
+        let shown = self.shown(&sizes, width);
         if let Some(w) = self.wrapped.filter(|w| shown.contains(w) && total(&shown, &sizes) > width) {
             let others = total(&shown, &sizes) - sizes[w];
             let words = self.rows.iter().filter_map(|r| r.get(w)).flat_map(|c| c.text.split_whitespace());

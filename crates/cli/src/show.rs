@@ -40,7 +40,8 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         t.add_row([
             b.name.clone(),
             beside(b.value, b.ci95),
-            half(b.ci95),
+            // the total mass is not measured: it fixes the scale
+            if b.ci95.is_some_and(|[low, high]| low == high) { "as stated".to_owned() } else { half(b.ci95) },
             b.prior.map_or("–".to_owned(), |v| significant(v, 3)),
             b.unit.clone(),
             b.determined_by().to_owned(),
@@ -87,6 +88,10 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         }
         out(format!("\nphysically consistent links\n{t}"))?;
     }
+    out(labelled(
+        "±: ",
+        "95 % interval from the noise of the recordings; errors of joint centres and marker places, and effects that the model lacks, are not in it",
+    ))?;
     for reason in p.gate.reasons.iter().chain(&p.gate.advice) {
         out(labelled("- ", reason))?;
     }

@@ -10,7 +10,7 @@
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant, score};
 use crate::ladder::{estimates, extra_columns, key_of, sharpened};
-use crate::limits::limit_by_number;
+use crate::limits::{limit, limit_by_number};
 use crate::nonlinear::joint_se_at;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
@@ -115,7 +115,7 @@ pub fn detectable(
     if !(energy.is_finite() && energy > 0.0) {
         return Ok(f64::INFINITY);
     }
-    let threshold = limit_by_number(problem.clusters.len(), options);
+    let threshold = limit_by_number(problem.clusters.len(), options).min(limit(choice.effect, true, options));
     let size = (problem.n_judged as f64 * problem.plain() * (threshold.powi(-2) - 1.0) / energy).sqrt();
     let se = jackknife_se(&reduced.folds.iter().map(|f| f.c[0] / f.s[(0, 0)]).collect::<Vec<_>>());
     Ok(size + 0.84 * if se.is_finite() { se.min(size) } else { 0.0 })

@@ -388,6 +388,11 @@ pub(crate) fn conclude(
     if undecided.is_some() || between.is_some() {
         out.verdict = Verdict::NotDetectable;
     }
+    // what is left of the parameters or of a floor known too roughly looks like some force, too:
+    // it is not described
+    if undecided.is_some() || between.is_some_and(|(_, s)| s.may_be_of_parameters()) {
+        out.open = None;
+    }
     out.words = if let Some(why) = contradicted.filter(|_| lost) {
         format!("unexplained: {why}")
     } else if lost && far.is_none() {

@@ -52,6 +52,11 @@ impl HeldOutResult {
         self.noise_floor_ci95.is_some_and(|ci| self.held_out_error < ci[0])
     }
 
+    /// True if what the recordings leave open of the parameters can be the whole error.
+    pub(crate) fn may_be_of_parameters(&self) -> bool {
+        self.by_parameters.is_some_and(|most| self.held_out_error <= most)
+    }
+
     /// True if the floor is known too roughly to say whether the error is at it.
     pub(crate) fn is_undecided(&self) -> bool {
         is_undecided(self.held_out_error, self.noise_floor, self.noise_floor_ci95)

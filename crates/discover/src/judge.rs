@@ -133,13 +133,15 @@ pub(crate) fn no_component_is_seen(about: &About<'_>, coefficients: &[Coefficien
         })
 }
 
-/// Effect size at which the held-out ratio falls below the threshold in four of five sessions.
+/// Effect size at which the held-out ratio falls below the limit of acceptance in four of five
+/// sessions; infinite where the effect cannot be accepted. The tests against chance, placebos and
+/// rivals are not in it.
 pub(crate) fn minimum_detectable(problem: &Problem, scored: &Scored<'_>, noise_square: f64, threshold: f64) -> f64 {
     let unit = &scored.variant.coefficients[0].unit;
     let of_unit: Vec<usize> =
         (0..scored.variant.coefficients.len()).filter(|&k| scored.variant.coefficients[k].unit == *unit).collect();
     let energy = of_unit.iter().map(|&k| scored.s[(k, k)]).sum::<f64>() / of_unit.len() as f64;
-    if energy <= 0.0 {
+    if energy <= 0.0 || threshold <= 0.0 {
         return f64::INFINITY;
     }
     let n = problem.clusters.iter().map(|c| c.n_rows as f64).sum::<f64>();

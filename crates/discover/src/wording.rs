@@ -93,7 +93,7 @@ pub(crate) fn round(
             if verdict == Verdict::NotDetectable { "not detectable" } else { "nothing missing" },
             b.key,
             100.0 * b.held_out_ratio,
-            disbelief(b, b.accepted_below, candidates),
+            b.doubt(candidates.iter().filter(|c| c.placebo).map(|c| c.held_out_ratio).reduce(f64::min)),
             if few { " (fewer than six flights or trials: too few to name an effect)" } else { "" },
         ),
         _ => "no effect could be tried".to_owned(),
@@ -162,21 +162,22 @@ pub(crate) fn so_far(d: &Discovery, now: Option<HeldOutResult>, with: Option<Hel
     format!("{says}{left}. Now {begins} beyond the catalogue, which may change the answer")
 }
 
-/// Reason why the best candidate is not accepted.
-fn disbelief(best: &Candidate, limit: f64, candidates: &[Candidate]) -> String {
-    let placebo = candidates.iter().find(|c| c.placebo);
-    if limit <= 0.0 {
-        "every recording contains some of it, so it is not named after another effect was found".to_owned()
-    } else if best.held_out_ratio >= limit {
-        format!("it would have to leave less than {:.0} %", 100.0 * limit)
-    } else if !best.plausible {
-        "its coefficient is physically impossible".to_owned()
-    } else if best.ci95[1] >= 1.0 {
-        format!("the interval reaches {:.0} %", 100.0 * best.ci95[1])
-    } else if placebo.is_some_and(|p| p.held_out_ratio <= best.held_out_ratio) {
-        "a placebo effect fits equally well".to_owned()
-    } else {
-        "its gain comes from replacing part of the body weight".to_owned()
+impl Candidate {
+    /// Why it is not accepted; `placebo` is the smallest ratio that a placebo leaves.
+    pub fn doubt(&self, placebo: Option<f64>) -> String {
+        if self.accepted_below <= 0.0 {
+            "every recording contains some of it, so it is not named after another effect was found".to_owned()
+        } else if self.held_out_ratio >= self.accepted_below {
+            format!("it would have to leave less than {:.0} %", 100.0 * self.accepted_below)
+        } else if !self.plausible {
+            "its size is zero, or at a physical limit".to_owned()
+        } else if self.ci95[1] >= 1.0 {
+            format!("the interval reaches {:.0} %", 100.0 * self.ci95[1])
+        } else if placebo.is_some_and(|p| p <= self.held_out_ratio) {
+            "a placebo effect fits equally well".to_owned()
+        } else {
+            "its gain comes from replacing part of the body weight".to_owned()
+        }
     }
 }
 
@@ -213,8 +214,8 @@ pub(crate) fn between(d: &Discovery, place: Domain, model_error: &HeldOutResult)
     let (error, times) = (digits(model_error.held_out_error, 2), digits(model_error.times_floor(), 2));
     match model_error.by_parameters.filter(|most| model_error.held_out_error <= *most) {
         Some(most) => format!(
-            "not detectable: these recordings determine the body only roughly, which alone can leave up to {} N in {place} of a held-out recording; \
-             the error there is {error} N, {times} times the noise floor{best}",
+            "not detectable: these recordings determine the body only roughly, and that alone can leave up to {} N in {place} of a recording that is left out; \
+             the error there is {error} N{best}",
             digits(most, 2)
         ),
         None => format!(

@@ -12,7 +12,7 @@ const SHOWN: usize = 14;
 pub fn ranking(d: &Discovery, suffix: &str) -> Section {
     let real: Vec<&Candidate> = d.candidates.iter().filter(|c| !c.placebo).collect();
     let shown: Vec<&Candidate> = real.iter().take(SHOWN).copied().collect();
-    let mut blocks = vec![dots(d, &shown), table(&real).into()];
+    let mut blocks = vec![dots(d, &shown), table(d, &real).into()];
     blocks.extend(confusions(&shown));
     Section::new(
         format!("ranking{suffix}"),
@@ -43,7 +43,7 @@ fn dots(d: &Discovery, shown: &[&Candidate]) -> Block {
         values: rows.iter().map(|c| if wanted(c) { c.held_out_ratio } else { f64::NAN }).collect(),
         intervals: rows.iter().map(|c| if wanted(c) { c.ci95 } else { [f64::NAN; 2] }).collect(),
     };
-    let kinds = [of(&|c| c.believed, "accepted"), of(&|c| !c.believed, "not accepted")];
+    let kinds = [of(&|c| c.believed, "passes the tests by itself"), of(&|c| !c.believed, "does not")];
     let mut lines = vec![Line { at: 1.0, upright: true, label: "explains nothing".into() }];
     let floor = d.noise_floor / d.held_out_error;
     if floor.is_finite() && floor < 0.98 {
@@ -57,14 +57,13 @@ fn dots(d: &Discovery, shown: &[&Candidate]) -> Block {
     Figure::dots(words, "held-out ratio", &names, &kinds, &lines).into()
 }
 
-fn table(real: &[&Candidate]) -> Table {
+fn table(d: &Discovery, real: &[&Candidate]) -> Table {
     let rows = real
         .iter()
         .map(|c| {
             let first = aloft_analysis::verdict::shown_coefficient(c);
             let alike: Vec<String> =
                 c.confused_with.iter().filter(|x| x.p_value > 0.05).map(|x| x.effect.clone()).collect();
-            let believed = Cell::from(if c.believed { "yes" } else { "no" });
             vec![
                 Cell::from(c.key.clone()),
                 kind(c).into(),
@@ -78,7 +77,7 @@ fn table(real: &[&Candidate]) -> Table {
                 number(c.minimum_detectable).into(),
                 number(c.family_wise_p).into(),
                 if alike.is_empty() { "–".into() } else { alike.join(", ").into() },
-                believed,
+                aloft_analysis::verdict::decided(c, d).into(),
             ]
         })
         .collect();
@@ -94,7 +93,7 @@ fn table(real: &[&Candidate]) -> Table {
             "minimum detectable, same unit",
             "chance of the best",
             "cannot be told from",
-            "accepted",
+            "decided",
         ],
         rows,
     )

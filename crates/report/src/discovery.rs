@@ -152,14 +152,12 @@ fn answer(
     ));
     blocks.push(Block::Cards { cards });
     if let Some(r) = d.rounds.first() {
-        let (share, chance) = r.by_chance();
         blocks.push(Block::text(format!(
             "Judged {} on {} groups of rows (recordings, or flights where recordings are few), each held out in turn. With the signs of the \
-             residuals flipped at random, the best of the whole catalogue was below a ratio of {} in {:.0} % of draws; the acceptance limit is {}.",
+             residuals flipped at random, the best ratio of the whole catalogue was {}; the acceptance limit is {}.",
             if r.judged_on == "flight" { "in flight" } else { "in contact" },
             r.clusters,
-            number(chance),
-            100.0 * share,
+            aloft_analysis::verdict::chance_of(r),
             number(r.threshold)
         )));
     }

@@ -196,8 +196,11 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
 }
 
 fn row(r: &HistoryRow, with_remark: bool) -> Vec<Cell> {
-    let coefficients: Vec<String> =
-        r.coefficients.iter().map(|c| format!("{} {}", c.name, plus_minus(c.value, c.ci95))).collect();
+    let coefficients: Vec<String> = r
+        .coefficients
+        .iter()
+        .map(|c| format!("{} {} {}", c.name, plus_minus(c.value, c.ci95), unit(&c.unit)).trim_end().to_owned())
+        .collect();
     let mut cells: Vec<Cell> = vec![
         format!("{} ({})", r.revision, r.action).into(),
         if r.effects.is_empty() { "none".into() } else { r.effects.join(", ").into() },

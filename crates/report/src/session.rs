@@ -4,7 +4,7 @@ use super::headline::sentence_of;
 use super::place_errors::{asked, effects};
 use super::story::Story;
 use aloft_analysis::corrections::{explained_by_effects, offers, to_yaml};
-use aloft_analysis::session_check::{LineStatus, SessionLine, session_check};
+use aloft_analysis::session_check::{LineStatus, session_check};
 use aloft_page::{Block, Cell, Light, Section, Table};
 
 /// The section of the first chapter; none before a run.
@@ -75,12 +75,7 @@ pub fn brief(story: &Story<'_>) -> Option<String> {
         n => format!("; {n} more"),
     };
     let text = differs.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join("; ");
-    // a pull on the body shows in what assumes free fall
-    let falls =
-        |l: &&SessionLine| l.status == LineStatus::Differs && ["impulse_mass", "free_fall", "vertical"].contains(&l.id);
-    let pulled = checked.lines.iter().any(|l| falls(&l))
-        && (!effects(story).is_empty() || asked(story).is_some_and(|d| !d.found.is_empty()));
-    let why =
-        if pulled { " A force on the body in flight changes mass, rate and vertical as measured here." } else { "" };
-    (!differs.is_empty()).then(|| sentence_of(&format!("{text}{more}")) + why + " The session check below says more.")
+    let acts = !effects(story).is_empty() || asked(story).is_some_and(|d| !d.found.is_empty());
+    let why = checked.changed_by_a_force(acts).map_or(String::new(), |words| format!(" {words}"));
+    (!differs.is_empty()).then(|| sentence_of(&format!("{text}{more}")) + &why + " The session check below says more.")
 }

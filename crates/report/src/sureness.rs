@@ -78,7 +78,10 @@ pub(crate) fn missing(story: &Story<'_>) -> String {
             format!("{}.", all.join("; "))
         }
         Verdict::OneOf => one_of(d),
-        Verdict::NothingMissing => "None that these recordings can detect.".to_owned(),
+        Verdict::NothingMissing => verdict::not_excluded(d).map_or_else(
+            || "None that these recordings can detect.".to_owned(),
+            |sizes| format!("None that these recordings can detect. Not excluded: {sizes}."),
+        ),
         Verdict::Unexplained => match (laws(d), d.open.as_ref().and_then(|o| o.diagnosis.as_ref())) {
             (Some(open), _) => {
                 let each: Vec<String> = open.laws.iter().map(|l| format!("`{}`: {}", l.id, l.text)).collect();

@@ -1,5 +1,6 @@
 //! Formats numbers and names as text.
 
+pub use aloft_analysis::wording::unit;
 use aloft_compare::significant;
 use aloft_identify::half_of;
 use aloft_page::{Card, Light};
@@ -50,11 +51,6 @@ pub fn with_half(value: f64, half: f64) -> String {
     }
     let decimals = if half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 };
     format!("{value:.decimals$} ± {half:.decimals$}")
-}
-
-/// A unit in readable form: `m^2` becomes m², `N*s/m` becomes N·s/m; `1` becomes empty.
-pub fn unit(u: &str) -> String {
-    if u == "1" { String::new() } else { u.replace("^2", "²").replace("^3", "³").replace('*', "·") }
 }
 
 /// `1 flight`, `2 flights`.

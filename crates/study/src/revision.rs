@@ -115,6 +115,9 @@ pub struct ReachedCoefficient {
     /// 95 % interval; none if the standard error is not known, and in models written before
     /// intervals were stored.
     pub ci95: Option<[f64; 2]>,
+    /// Unit; empty in models written before units were stored.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub unit: String,
     /// The range that physics allows, in words, where the value is outside; none where it is
     /// inside.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -131,6 +134,8 @@ enum StoredCoefficient {
         se: Option<f64>,
         ci95: Option<[f64; 2]>,
         #[serde(default)]
+        unit: String,
+        #[serde(default)]
         range: Option<String>,
     },
     Earlier(String, f64, Option<f64>),
@@ -138,11 +143,11 @@ enum StoredCoefficient {
 
 impl From<StoredCoefficient> for ReachedCoefficient {
     fn from(stored: StoredCoefficient) -> Self {
-        let (name, value, se, ci95, range) = match stored {
-            StoredCoefficient::Whole { name, value, se, ci95, range } => (name, value, se, ci95, range),
-            StoredCoefficient::Earlier(name, value, se) => (name, value, se, None, None),
+        let (name, value, se, ci95, unit, range) = match stored {
+            StoredCoefficient::Whole { name, value, se, ci95, unit, range } => (name, value, se, ci95, unit, range),
+            StoredCoefficient::Earlier(name, value, se) => (name, value, se, None, String::new(), None),
         };
-        Self { name, value, se: se.unwrap_or(f64::NAN), ci95, range }
+        Self { name, value, se: se.unwrap_or(f64::NAN), ci95, unit, range }
     }
 }
 

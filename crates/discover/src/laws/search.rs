@@ -193,7 +193,9 @@ impl Searched<'_, '_> {
         let may_do = if number == 0 { believed.sqrt() } else { believed };
         let diagnosis = (number == 0 && p < 0.05 && best.score.ratio.sqrt() < 0.97).then(|| {
             let made = diagnose(in_some, of_some, &atlas, p);
-            if !catalogue.only_compared {
+            // what is left of the parameters looks like some force, too
+            let of_parameters = session.model_error[0].is_some_and(|s| s.may_be_of_parameters());
+            if !catalogue.only_compared && !of_parameters {
                 session.counter.so_far(&format!("the error in flight looks like {}", made.text));
             }
             made
