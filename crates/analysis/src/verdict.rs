@@ -125,8 +125,13 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     // a law that does better would have taken the effect's place
     let law = d.against.as_ref().map_or(String::new(), |a| {
         let alike = if a.is_as_good() && !a.law.is_empty() { as_well(a) } else { String::new() };
+        let fits = match (a.is_as_good(), a.error_ratio < 1.0) {
+            (true, _) => "fits as well",
+            (false, true) => "may fit better by chance",
+            (false, false) => "fits no better",
+        };
         format!(
-            "; the best law beyond the catalogue leaves {:.2} times the error of `{}` in {}{alike}",
+            "; the best law beyond the catalogue {fits}: it leaves {:.2} times the error of `{}` in {}{alike}",
             a.error_ratio, a.effect, a.judged_on
         )
     });
@@ -282,7 +287,9 @@ mod tests {
         };
         let words = words_with(1.034, 0.2);
         assert!(
-            words.ends_with("beyond the catalogue leaves 1.03 times the error of `a` in flight and contact"),
+            words.ends_with(
+                "beyond the catalogue fits no better: it leaves 1.03 times the error of `a` in flight and contact"
+            ),
             "{words}"
         );
         let words = words_with(1.002, 0.0443);

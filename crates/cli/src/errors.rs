@@ -20,8 +20,8 @@ pub fn judgement(e: &HeldOutError) -> Cell {
 /// One row for each kind of motion.
 pub fn grid(errors: &[HeldOutError]) -> Grid {
     let header =
-        ["held out", "error N", "% weight", "moment N·m", "floor N", "floor 95 %", "times floor", "tables N", "judged"];
-    let mut t = table(&header).left(&[8]).optional(&[7, 5, 2, 3]);
+        ["held out", "error N", "force N", "moment N·m", "floor N", "floor 95 %", "times floor", "tables N", "judged"];
+    let mut t = table(&header).left(&[8]).optional(&[5, 7]);
     for e in errors {
         let interval = e
             .noise_floor_ci95
@@ -29,7 +29,7 @@ pub fn grid(errors: &[HeldOutError]) -> Grid {
         t.add_row([
             format!("in {}", e.judged_on).into(),
             figure(Some(e.held_out_error)).into(),
-            e.held_out_error_of_weight.map_or("–".to_owned(), |s| significant(100.0 * s, 2)).into(),
+            figure(e.held_out_force_n).into(),
             figure(e.held_out_moment_nm).into(),
             figure(e.noise_floor).into(),
             interval.into(),

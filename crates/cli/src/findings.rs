@@ -239,10 +239,9 @@ fn errors(view: &DiscoveryView) -> Result<(), Stop> {
     }
     let laws = d.open.iter().flat_map(|o| &o.laws);
     let with = names(&d.found.iter().map(|f| f.key.clone()).chain(laws.map(|l| l.id.clone())).collect::<Vec<_>>());
-    let mut t = table(&["held out", "model", "error N", "% weight", "floor N", "floor 95 %", "times floor", "judged"])
-        .left(&[1])
-        .wrapped(7)
-        .optional(&[5, 3]);
+    let header =
+        ["held out", "model", "error N", "force N", "moment N·m", "floor N", "floor 95 %", "times floor", "judged"];
+    let mut t = table(&header).left(&[1]).wrapped(8).optional(&[6, 3, 4]);
     for e in &view.errors {
         let after = view.errors_after.iter().find(|a| a.judged_on == e.judged_on);
         for (model, e) in [("now", Some(e)), (&cut(&format!("+ {with}"), 24), after)] {
@@ -254,7 +253,8 @@ fn errors(view: &DiscoveryView) -> Result<(), Stop> {
                 Cell::from(format!("in {}", e.judged_on)),
                 model.into(),
                 figure(Some(e.held_out_error)).into(),
-                e.held_out_error_of_weight.map_or("–".to_owned(), |s| significant(100.0 * s, 2)).into(),
+                figure(e.held_out_force_n).into(),
+                figure(e.held_out_moment_nm).into(),
                 figure(e.noise_floor).into(),
                 interval.into(),
                 e.times_floor.map_or("–".to_owned(), |t| significant(t, 2)).into(),

@@ -39,8 +39,9 @@ fn rungs(rows: &[HistoryRow]) -> Result<(), Stop> {
     let any = |place: &str| rows.iter().any(|r| r.errors.iter().any(|e| e.judged_on == place));
     for place in ["flight", "contact"].into_iter().filter(|p| any(p)) {
         let head = format!("held out in {place}");
-        let header = ["rev", &head, "error N", "% weight", "floor N", "floor 95 %", "times floor", "judged"];
-        let mut t = table(&header).left(&[1, 7]).optional(&[5, 3]);
+        let header =
+            ["rev", &head, "error N", "force N", "moment N·m", "floor N", "floor 95 %", "times floor", "judged"];
+        let mut t = table(&header).left(&[1, 8]).optional(&[6, 3, 4]);
         for r in rows {
             let e = r.errors.iter().find(|e| e.judged_on == place);
             let interval = e
@@ -50,7 +51,8 @@ fn rungs(rows: &[HistoryRow]) -> Result<(), Stop> {
                 Cell::from(r.revision.to_string()),
                 r.action.clone().into(),
                 figure(e.map(|e| e.held_out_error)).into(),
-                e.and_then(|e| e.held_out_error_of_weight).map_or("–".to_owned(), |s| significant(100.0 * s, 2)).into(),
+                figure(e.and_then(|e| e.held_out_force_n)).into(),
+                figure(e.and_then(|e| e.held_out_moment_nm)).into(),
                 figure(e.and_then(|e| e.noise_floor)).into(),
                 interval.into(),
                 e.and_then(|e| e.times_floor).map_or("–".to_owned(), |t| significant(t, 2)).into(),
