@@ -97,11 +97,13 @@ def prepare(aloft, place, scenarios, seed):
     return folders[0]
 
 
-def interval(k, n):
-    """95 % interval of a share, Wilson."""
+def interval(k, n, independent=None):
+    """95 % interval of a share, Wilson. Of `n` cases only `independent` ones count: the same laboratory at several strengths has
+    the same noise, and several values of one answer have the same errors."""
     if n == 0:
         return "–"
     p, z = k / n, 1.96
+    n = min(n, independent or n)
     middle = (p + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * math.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
     return f"{100 * p:.0f} % ({100 * max(middle - half, 0):.0f}-{100 * min(middle + half, 1):.0f})"

@@ -227,8 +227,9 @@ def score(folders):
         for name, group in groups:
             usable = [judge(line) for line in group]
             n = sum("not usable" not in j for j in usable)
-            cells = [interval(sum(what in j for j in usable), n) if what != "not usable" else str(len(group) - n) for what in NAMED]
-            wrong = interval(sum(bool(j & {"catalogue", "wrong law"}) for j in usable), n)
+            laws = len({line.get("index", line["set"]) for line, j in zip(group, usable) if "not usable" not in j})
+            cells = [interval(sum(what in j for j in usable), n, laws) if what != "not usable" else str(len(group) - n) for what in NAMED]
+            wrong = interval(sum(bool(j & {"catalogue", "wrong law"}) for j in usable), n, laws)
             print(f"| {name} | {n} | " + " | ".join(cells) + f" | {wrong} |")
         following(of_kind)
         times = sorted(line["discover_s"] for line in of_kind if "discover_s" in line)

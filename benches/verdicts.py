@@ -311,8 +311,9 @@ def score(folders):
         groups += [("empty", [line for line in of_body if not line["strength"]])]
         print(f"\n## {body}\n\n| sets | n | " + " | ".join(OUTCOMES) + " |\n" + "|---" * (len(OUTCOMES) + 2) + "|")
         for name, group in groups:
-            usable = [judge(line) for line in group if "answer" in line]
-            print(f"| {name} | {len(usable)} | " + " | ".join(interval(usable.count(o), len(usable)) for o in OUTCOMES) + " |")
+            asked = [line for line in group if "answer" in line]
+            usable = [judge(line) for line in asked]
+            print(f"| {name} | {len(usable)} | " + " | ".join(interval(usable.count(o), len(usable), laboratories(asked)) for o in OUTCOMES) + " |")
         off = [line["set"] for line in hidden if "answer" in line and abs(line["held_out"] / line["twin"] / line["strength"] - 1) > TOLERANCE]
         times_s = sorted(line["discover_s"] for line in of_body if "discover_s" in line)
         unusable = sum("answer" not in line for line in of_body)
@@ -322,6 +323,11 @@ def score(folders):
         if times_s:
             print(f"\ndiscover: median {times_s[len(times_s) // 2]:.1f} s, longest {times_s[-1]:.1f} s; not usable: {unusable}; "
                   f"strength off by more than {TOLERANCE:.0%}: {', '.join(off) or 'none'}")
+
+
+def laboratories(lines):
+    """Number of laboratories among these sets."""
+    return len({(line["seed"] if "seed" in line else line["set"]) for line in lines})
 
 
 def told_apart(line):
@@ -337,7 +343,7 @@ def told_apart(line):
 
 def links(lines):
     """How often the link of an effect that was named rightly is one on which it acts: the stated one, or one said to be as good."""
-    stated, among, others = [], [], []
+    stated, among, others, of = [], [], [], []
     for line in lines:
         known, also_on = line.get("links") or {}, (line.get("answer") or {}).get("also_on") or {}
         for key, further in also_on.items():
@@ -346,9 +352,10 @@ def links(lines):
                 stated.append(link in known[effect])
                 among.append(bool({link, *further} & set(known[effect])))
                 others.append(len(further))
+                of.append(line)
     if stated:
-        print(f"\nlinks of effects that act: the stated one right {interval(sum(stated), len(stated))} of {len(stated)}, among the stated and those said to be "
-              f"as good {interval(sum(among), len(among))}; of those {sum(others) / len(others):.1f} a time, at most {max(others)}")
+        print(f"\nlinks of effects that act: the stated one right {interval(sum(stated), len(stated), laboratories(of))} of {len(stated)}, among the stated and those said to be "
+              f"as good {interval(sum(among), len(among), laboratories(of))}; of those {sum(others) / len(others):.1f} a time, at most {max(others)}")
 
 
 def intervals(lines):
@@ -360,17 +367,18 @@ def intervals(lines):
 
 def contained(lines, what, of):
     """The intervals of the values whose names `of` accepts."""
-    inside, sets, errors = [], [], []
+    inside, sets, errors, of_line = [], [], [], []
     for line in lines:
         known, found = line.get("true_values") or {}, (line.get("answer") or {}).get("estimates") or {}
         pairs = [(x, found[name]) for name, x in known.items() if of(name) and name in found and found[name][1] is not None]
         within = [low <= x <= high for x, (_, low, high) in pairs]
         inside += within
         sets += [all(within)] if within else []
+        of_line += [line] if within else []
         errors += [2 * abs(value - x) / (high - low) if high > low else math.inf for x, (value, low, high) in pairs]
     if inside:
         errors.sort()
-        print(f"\nintervals of {what} that contain the truth: {interval(sum(inside), len(inside))} of {len(inside)}, all of a set {interval(sum(sets), len(sets))} "
+        print(f"\nintervals of {what} that contain the truth: {interval(sum(inside), len(inside), laboratories(of_line))} of {len(inside)}, all of a set {interval(sum(sets), len(sets), laboratories(of_line))} "
               f"of {len(sets)}; error over half of the interval: median {errors[len(errors) // 2]:.2f}, largest {errors[-1]:.2f}")
 
 
