@@ -227,7 +227,7 @@ def score(folders):
         for name, group in groups:
             usable = [judge(line) for line in group]
             n = sum("not usable" not in j for j in usable)
-            laws = len({line.get("index", line["set"]) for line, j in zip(group, usable) if "not usable" not in j})
+            laws = len({line.get("law", line["set"]) for line, j in zip(group, usable) if "not usable" not in j})
             cells = [interval(sum(what in j for j in usable), n, laws) if what != "not usable" else str(len(group) - n) for what in NAMED]
             wrong = interval(sum(bool(j & {"catalogue", "wrong law"}) for j in usable), n, laws)
             print(f"| {name} | {n} | " + " | ".join(cells) + f" | {wrong} |")
