@@ -322,7 +322,7 @@ fn candidates(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     let like_at = header.len() - 1;
     let left: Vec<usize> = (1..=places).chain(size + 3..=like_at).collect();
     let t = table(&header).left(&left);
-    let mut t = if details { t.wrapped(decided) } else { t.wrapped(like_at).optional(&[size + 2, 1 + places]) };
+    let mut t = if details { t.wrapped(decided) } else { t.wrapped(like_at).optional(&[size + 2, 2 + places]) };
     let shown = if details { all.len() } else { SHORT };
     for c in all.iter().take(shown) {
         let first = verdict::shown_coefficient(c);

@@ -227,8 +227,8 @@ impl<'a> Ask<'_, 'a> {
         let clusters = problem.clusters.iter().filter(|c| !c.judged.is_empty()).count();
         let few = clusters < FEWEST_CLUSTERS;
         let largest = limit_by_number(problem.clusters.len(), options);
-        // with few sign patterns, and nonlinear parameters kept at their starts, the 5 % quantile is
-        // too lenient
+        // with few sign patterns, and nonlinear parameters kept at their starts, the 5 % quantile
+        // is too lenient
         let by_chance = quantiles[usize::from(clusters >= MANY_CLUSTERS)];
         let threshold = if few {
             largest
