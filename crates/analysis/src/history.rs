@@ -2,7 +2,7 @@
 
 use crate::compare::{ComparisonView, JudgedOn, compare};
 use crate::held_out::{HeldOutError, weight_n};
-use crate::scene::of_coefficients;
+use crate::scene::{held, of_coefficients};
 use aloft_compare::{POOR_TIMES_FLOOR, significant};
 use aloft_effects::ActsIn;
 use aloft_identify::Parameters;
@@ -77,6 +77,9 @@ pub struct HistoryRow {
     pub marker_rms_before_mm: Option<f64>,
     /// Coefficients.
     pub coefficients: Vec<HistoryCoefficient>,
+    /// Of the last revision: places, lengths and other values that its effects hold.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub held: Vec<HeldValue>,
     /// Held-out errors of the torques of joints whose laws this revision changed, now and before.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub joints: Vec<HistoryJoint>,
@@ -124,6 +127,17 @@ pub struct HistoryCoefficient {
     pub unit: String,
 }
 
+/// A value of an effect that is not fitted again.
+#[derive(Debug, Clone, Serialize)]
+pub struct HeldValue {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Unit.
+    pub unit: String,
+}
+
 /// Stages whose results the last revision is read from.
 pub const READS: [&str; 2] = ["compare", "identify"];
 
@@ -150,6 +164,11 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
     let mut rows: Vec<HistoryRow> = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts, weight)).collect();
     if let Some(last) = rows.last_mut() {
         last.trials_changed = since_made.or(last.trials_changed.take());
+        last.held = held(session)
+            .unwrap_or_default()
+            .into_iter()
+            .map(|(name, value, unit)| HeldValue { name, value, unit })
+            .collect();
         if compare(session).is_ok_and(|view| view.to_correct.is_some_and(|c| c.void)) {
             last.errors.iter_mut().for_each(HeldOutError::distrust);
             last.at_floor = last.at_floor.map(|_| false);
@@ -296,6 +315,7 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
                 n.coefficients.iter().map(of).collect()
             })
             .unwrap_or_default(),
+        held: Vec::new(),
         joints: joints_changed(revisions, i),
         largest_change,
         base_change,

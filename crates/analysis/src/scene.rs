@@ -40,3 +40,23 @@ pub(crate) fn of_coefficients(session: &SubjectSession) -> Result<BTreeMap<Strin
     }
     Ok(out)
 }
+
+/// Places, lengths and other nonlinear unknowns that the effects of a model hold at the values that
+/// the model states: name in the parameters, value and unit.
+pub(crate) fn held(session: &SubjectSession) -> Result<Vec<(String, f64, String)>, PipelineError> {
+    let with: Vec<_> = session.effects.iter().filter(|e| !e.is_of_joints() && !e.nonlinear.is_empty()).collect();
+    if with.is_empty() {
+        return Ok(Vec::new());
+    }
+    let scene = scene(session)?;
+    let known = KnownEffects::of(&session.own_effects, &scene)?;
+    let mut out = Vec::new();
+    for effect in with {
+        let choice = known.choice(&scene, effect)?;
+        for p in choice.effect.nonlinear(&scene, choice.target) {
+            let value = effect.nonlinear.get(&p.name).copied();
+            out.extend(value.map(|v| (format!("{}.{}", effect.key, p.name), v, p.unit)));
+        }
+    }
+    Ok(out)
+}

@@ -106,6 +106,11 @@ fn coefficients(r: &HistoryRow) -> Result<(), Stop> {
         t.add_row([format!("  {}", c.name), beside(c.value, c.ci95), half(c.ci95), unit(&c.unit)]);
     }
     out(t)?;
+    if !r.held.is_empty() {
+        let values = r.held.iter().map(|h| format!("{} {} {}", h.name, significant(h.value, 3), unit(&h.unit)));
+        let values: Vec<String> = values.map(|v| v.trim_end().to_owned()).collect();
+        out(labelled("held: ", &values.join(", ")))?;
+    }
     for caution in &r.cautions {
         out(labelled("caution: ", &crate::screen::paint(caution, Signal::Fair)))?;
     }

@@ -151,7 +151,7 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     let figure = Figure::panels(words, "revision of the model", panels.len(), &panels, &[]);
     let any_void = rungs.iter().any(|r| r.void.is_some());
     let mut header =
-        vec!["revision", "effects", "error, N", "noise, N", "σ_N−1 / σ_N", "coefficients", "largest change"];
+        vec!["revision", "effects", "error, N", "floor, N", "σ_N−1 / σ_N", "coefficients", "largest change"];
     if any_void {
         header.push("remark");
     }

@@ -80,7 +80,7 @@ pub fn model_table(view: &ComparisonView) -> Table {
     Table::new(
         &format!("Mean absolute error on {}", judged_on(c)),
         &format!(
-            "Root axes. Frame by frame, and over windows of {} s, where noise averages out and the model shows. The noise floor is the error of a perfect model on these recordings.",
+            "Root axes. Frame by frame, and over windows of {} s, where noise averages out and the model shows. These are mean absolute errors of single axes. The error at the top of the page is the root mean square of force and moment together, and is larger. The noise floor is the error of a perfect model on these recordings.",
             c.options.window_s
         ),
         &["model", "force x y z, N", "moment x y z, N·m", "windows: force, N", "windows: moment, N·m"],

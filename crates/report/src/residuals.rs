@@ -121,7 +121,7 @@ fn table(groups: &[&Group]) -> Table {
         .collect();
     Table::new(
         "Error in groups of frames",
-        "Mean absolute error, root axes.",
+        "Mean absolute error, root axes. Posture is the radius of gyration: the distance of the masses from the centre of mass.",
         &["group", "frames", "Fx, N", "Fy, N", "Fz, N", "Mx, N·m", "My, N·m", "Mz, N·m"],
         rows,
     )
