@@ -5,7 +5,7 @@ use crate::errors::{figure, judgement};
 use crate::render::{beside, half, out, significant, unit};
 use crate::screen::{Cell, labelled, table};
 use crate::stop::Stop;
-use aloft_analysis::history::{History, HistoryRow};
+use aloft_analysis::history::{HeldValue, History, HistoryRow};
 use aloft_compare::Signal;
 
 /// The revisions of the model.
@@ -107,14 +107,33 @@ fn coefficients(r: &HistoryRow) -> Result<(), Stop> {
     }
     out(t)?;
     if !r.held.is_empty() {
-        let values = r.held.iter().map(|h| format!("{} {} {}", h.name, significant(h.value, 3), unit(&h.unit)));
-        let values: Vec<String> = values.map(|v| v.trim_end().to_owned()).collect();
-        out(labelled("held: ", &values.join(", ")))?;
+        out(labelled("held: ", &held(&r.held).join(", ")))?;
     }
     for caution in &r.cautions {
         out(labelled("caution: ", &crate::screen::paint(caution, Signal::Fair)))?;
     }
     Ok(())
+}
+
+/// Values that effects hold; the three coordinates of a vector stand together.
+fn held(values: &[HeldValue]) -> Vec<String> {
+    let mut out = Vec::new();
+    let mut rest = values;
+    while let [first, others @ ..] = rest {
+        let vector = first.name.strip_suffix("_x").zip(others.get(..2)).filter(|(name, yz)| {
+            yz[0].name.strip_suffix("_y") == Some(*name) && yz[1].name.strip_suffix("_z") == Some(*name)
+        });
+        let (words, taken) = match vector {
+            Some((name, yz)) => {
+                let all = [first, &yz[0], &yz[1]].map(|h| significant(h.value, 3)).join(", ");
+                (format!("{name} ({all}) {}", unit(&first.unit)), 3)
+            }
+            None => (format!("{} {} {}", first.name, significant(first.value, 3), unit(&first.unit)), 1),
+        };
+        out.push(words.trim_end().to_owned());
+        rest = &rest[taken..];
+    }
+    out
 }
 
 fn whole(rows: &[HistoryRow]) -> Result<(), Stop> {

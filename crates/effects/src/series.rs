@@ -433,9 +433,9 @@ fn plate_frame(plate: &PlateSeries, frame: usize, rate_hz: f64) -> PlateFrame {
     let rate = |x: &[Vector3<f64>]| -> Vector3<f64> {
         let at = |k: isize| frame.checked_add_signed(k).and_then(|f| x.get(f)).copied();
         match (at(-2), at(-1), at(1), at(2)) {
-            // of fourth order: a straight line through five samples loses 2 % of the rate at 6 Hz and
-            // 200 samples a second, and a delay comes out too large by as much. Noise of the plates
-            // averages out in the windows of the rows
+            // of fourth order: a straight line through five samples loses 2 % of the rate at 6 Hz
+            // and 200 samples a second, and a delay comes out too large by as much. Noise of the
+            // plates averages out in the windows of the rows
             (Some(a), Some(b), Some(c), Some(d)) => ((a - d) + (c - b) * 8.0) * (rate_hz / 12.0),
             (_, Some(b), Some(c), _) => (c - b) * (rate_hz / 2.0),
             _ => Vector3::repeat(f64::NAN),
