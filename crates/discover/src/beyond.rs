@@ -174,8 +174,8 @@ impl<'a> Beyond<'_, 'a> {
         let late = kept.iter().any(|v| may_be_late(session, v));
         // so is an anchor whose place the recordings do not show
         let unknown_place = kept.iter().zip(&out.found).any(|(v, f)| has_unknown_place(session, v, &f.nonlinear));
-        // an effect that stands in for a law of another form can reach a wide interval of the floor;
-        // where contact can tell the two apart, any error above the floor is a reason to ask
+        // an effect that stands in for a law of another form can reach a wide interval of the
+        // floor; where contact can tell the two apart, any error above the floor is a reason to ask
         let above_in_contact = acting && contact.is_some_and(HeldOutResult::is_above);
         let compared_there = acting && person && contact.is_some();
         let above = |s: &HeldOutResult| s.may_hide_more() || compared_there && s.times_floor() > 1.0;
@@ -261,7 +261,7 @@ impl<'a> Beyond<'_, 'a> {
         let (session, options) = (self.session, self.options);
         let refuted_alone = self.is_refuted_alone(out);
         let staged = self.by_stages(&mut open, &mut out.warnings);
-        // a force of constant size is what the catalogue's own forces, gravity and frame rate look like
+        // a force of constant size looks like the catalogue's own forces, gravity and frame rate
         let constant = open.laws.iter().all(|l| l.variables.is_empty() && l.direction != Direction::Towards);
         let less = |place: usize| {
             let laws = staged.and_then(|s| s[place]);
@@ -270,11 +270,11 @@ impl<'a> Beyond<'_, 'a> {
         let in_doubt = out.against.as_ref().is_some_and(AgainstLaw::is_against_the_effect);
         let takes_its_place = out.against.as_ref().is_some_and(AgainstLaw::is_for_the_law)
             || open.complete && (less(0) || why.far_in_contact && less(1));
-        // where the effect reaches the floor, too, a law that leaves a little less is not stated either
+        // where the effect reaches the floor, too, a law that leaves a little less is not stated
         if why.within_floor() && in_doubt && !takes_its_place {
             self.without_laws(&mut open);
         }
-        // a law that does better on all rows refutes the effect, even if too much remains to state it
+        // a law that does better on all rows refutes the effect, even if it is not stated
         let refuted = in_doubt && open.laws.is_empty();
         let stands = why.within_floor() && !(in_doubt || takes_its_place);
         if (why.named || why.far_in_contact) && (constant && !refuted || stands) {

@@ -238,15 +238,15 @@ impl<'a> Ask<'_, 'a> {
             options.belief.min(0.8)
         };
         let (plain, in_flight) = (problem.plain(), problem.domain == Domain::Flight);
-        // On a person errors repeat from trial to trial (soft tissue, the prior), and where they are
-        // most of what is left an effect that imitates them fits well. Differences between groups of
-        // trials do not repeat.
+        // On a person errors repeat from trial to trial (soft tissue, the prior), and where they
+        // are most of what is left an effect that imitates them fits well. Differences between
+        // groups of trials do not repeat.
         let near_floor =
             session.prior.is_some() && in_flight && self.at_floor.is_some_and(|f| f.times(plain) < NEAR_FLOOR);
         // The errors of a rigid body do not repeat. A small effect is accepted there if it gains
         // twice as much as one in a hundred would by chance: the more flights, the smaller the
-        // effect. The first one has to bring the error to its floor: a share of a large error is not
-        // what is missing.
+        // effect. The first one has to bring the error to its floor: a share of a large error is
+        // not what is missing.
         let rigid = session.prior.is_none() && in_flight;
         let small_is_all = !self.first_round || self.at_floor.is_none_or(|f| f.reached_by(plain * SMALLEST.powi(2)));
         let sharper = if rigid && small_is_all && clusters >= MANY_CLUSTERS && quantiles[0].is_finite() {
