@@ -21,7 +21,7 @@ pub fn judgement(e: &HeldOutError) -> Cell {
 pub fn grid(errors: &[HeldOutError]) -> Grid {
     let header =
         ["held out", "error N", "force N", "moment N·m", "floor N", "floor 95 %", "times floor", "tables N", "judged"];
-    let mut t = table(&header).left(&[8]).optional(&[5, 7]);
+    let mut t = table(&header).left(&[8]).optional(&[5, 7, 2, 3]);
     for e in errors {
         let interval = e
             .noise_floor_ci95
