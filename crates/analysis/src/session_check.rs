@@ -5,6 +5,10 @@
 //! from an identified model. A line without an interval is a reading, not a measurement with known
 //! error.
 
+mod lines;
+
+pub use lines::{LineStatus, SessionCheck, SessionLine};
+
 use crate::impulse_mass::mass_by_impulse;
 use crate::persons::{persons, several_persons};
 use crate::repeated::{repeated, repeated_words};
@@ -17,62 +21,7 @@ use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::artifact::{load_markers, load_trial_without_points};
 use aloft_workspace::json::read_json;
 use aloft_workspace::workspace::Workspace;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
-
-/// How a measurement stands to its expectation.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LineStatus {
-    /// The interval holds the expectation.
-    Agrees,
-    /// It does not.
-    Differs,
-    /// A reading without an interval or without an expectation.
-    Reading,
-}
-
-impl LineStatus {
-    /// Word used in tables.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Agrees => "agrees",
-            Self::Differs => "differs",
-            Self::Reading => "–",
-        }
-    }
-}
-
-/// One line of the check.
-#[derive(Debug, Clone, Serialize)]
-pub struct SessionLine {
-    /// Identifier for programs.
-    pub id: &'static str,
-    /// What is measured.
-    pub what: String,
-    /// Value.
-    pub value: f64,
-    /// Unit.
-    pub unit: &'static str,
-    /// 95 % interval, if known.
-    pub ci95: Option<[f64; 2]>,
-    /// What the value should be, if something says it.
-    pub expected: Option<f64>,
-    /// Number of observations.
-    pub n: usize,
-    /// How it stands.
-    #[serde(rename = "standing")]
-    pub status: LineStatus,
-    /// Explanation, and what to do.
-    pub words: String,
-}
-
-/// The check of one session.
-#[derive(Debug, Clone, Default, Serialize)]
-pub struct SessionCheck {
-    /// Lines, in the order of reading; empty before a run.
-    pub lines: Vec<SessionLine>,
-}
 
 /// Mean, standard error of the mean (NaN for one value), number.
 fn mean(values: &[f64]) -> Option<(f64, f64, usize)> {
@@ -106,18 +55,6 @@ impl Source<'_> {
             .filter(|t| t.role.is_dynamic())
             .filter_map(|t| Some((t.name.clone(), self.read(stage, &t.name, file)?)))
             .collect()
-    }
-}
-
-impl SessionCheck {
-    /// What a force that acts in flight does to these lines, where lines that assume free fall
-    /// differ and such a force is in the model or was found (`acts`).
-    pub fn changed_by_a_force(&self, acts: bool) -> Option<&'static str> {
-        let falls = |l: &SessionLine| {
-            l.status == LineStatus::Differs && ["impulse_mass", "free_fall", "vertical"].contains(&l.id)
-        };
-        (acts && self.lines.iter().any(falls))
-            .then_some("A force on the body in flight changes mass, rate and vertical as measured here.")
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::wording::unit;
 use aloft_compare::significant;
-use aloft_discover::{AgainstLaw, Candidate, Discovery, Estimate, Group, Round, Verdict};
+use aloft_discover::{AgainstLaw, Candidate, Discovery, Estimate, Group, Round, TOO_FEW, Verdict};
 use aloft_effects::EffectKind;
 
 fn group(g: &Group) -> String {
@@ -93,6 +93,9 @@ pub fn decided(c: &Candidate, d: &Discovery) -> String {
     if d.effects.contains(&c.effect) && c.believed {
         return "named".to_owned();
     }
+    if d.rounds.iter().any(|r| r.judged_on == c.judged_on && r.has_too_few()) {
+        return TOO_FEW.to_owned();
+    }
     let placebos = d.rounds.iter().flat_map(|r| &r.candidates).filter(|p| p.placebo && p.judged_on == c.judged_on);
     match c.believed {
         true => "others fit better, or contain it".to_owned(),
@@ -171,8 +174,9 @@ pub fn not_excluded(d: &Discovery) -> Option<String> {
             Some(format!("{} below {} {}", c.key, significant(c.minimum_detectable, 2), unit(&first.unit)))
         })
         .collect();
-    (!sizes.is_empty())
-        .then(|| format!("{}; each size would be found in four of five sessions like this one", sizes.join(", ")))
+    (!sizes.is_empty()).then(|| {
+        format!("{}; larger ones would be found in about four of five sessions like this one", sizes.join(", "))
+    })
 }
 
 /// What is said of a law that predicts as well as the effect: that it is the same force, or by how

@@ -122,3 +122,4 @@ pub use result::{
 };
 pub use self_test::{Injection, SelfTest, SelfTestOptions, SelfTestProgress, SelfTestRow, self_test};
 pub use session::{Body, Session, TrialInput, scene_of};
+pub use wording::TOO_FEW;

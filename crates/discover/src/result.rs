@@ -247,6 +247,11 @@ pub struct Round {
 }
 
 impl Round {
+    /// True if there are too few clusters to name anything.
+    pub fn has_too_few(&self) -> bool {
+        self.clusters < FEWEST_CLUSTERS
+    }
+
     /// Quantile of the null distribution that limits acceptance: its share (0.01 or 0.05) and the
     /// ratio below which this share of sign-flipped data falls.
     pub fn by_chance(&self) -> (f64, f64) {

@@ -296,7 +296,12 @@ impl<'a> Ask<'_, 'a> {
                 ci95,
                 chosen_share: *share,
                 family_wise_p: (beaten + 1) as f64 / (limits.null.len() + 1) as f64,
-                minimum_detectable: minimum_detectable(problem, best, best_square, accepted_below),
+                minimum_detectable: minimum_detectable(
+                    problem,
+                    best,
+                    best_square,
+                    if limits.few { 0.0 } else { accepted_below },
+                ),
                 coefficients,
                 nonlinear,
                 trials: group_names(session, best),

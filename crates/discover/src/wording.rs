@@ -61,6 +61,9 @@ fn as_limits(limits: &[&str]) -> String {
     }
 }
 
+/// Why nothing is named where there are too few clusters.
+pub const TOO_FEW: &str = "fewer than six flights or trials are too few to name an effect";
+
 pub(crate) fn round(
     verdict: Verdict,
     effects: &[String],
@@ -89,12 +92,15 @@ pub(crate) fn round(
             as_limits(limits),
         ),
         (_, _, Some(b)) => format!(
-            "{}: the best candidate, `{}`, leaves {:.1} % of the held-out error; {}{}",
+            "{}: the best candidate, `{}`, leaves {:.1} % of the held-out error; {}",
             if verdict == Verdict::NotDetectable { "not detectable" } else { "nothing missing" },
             b.key,
             100.0 * b.held_out_ratio,
-            b.doubt(candidates.iter().filter(|c| c.placebo).map(|c| c.held_out_ratio).reduce(f64::min)),
-            if few { " (fewer than six flights or trials: too few to name an effect)" } else { "" },
+            if few {
+                TOO_FEW.to_owned()
+            } else {
+                b.doubt(candidates.iter().filter(|c| c.placebo).map(|c| c.held_out_ratio).reduce(f64::min))
+            },
         ),
         _ => "no effect could be tried".to_owned(),
     }
