@@ -16,6 +16,7 @@ An answer consists of classes ("one of wind, tilt"), one for each effect that th
   partial      every class holds a hidden effect, but of several hidden effects not all are named
   unexplained  the program says that something remains that it cannot name
   missed       "nothing missing" or "not detectable"
+  wrong link   every class holds a hidden effect, and one that is stated on a link acts on none of the links that are named
   wrong        a class holds no hidden effect
 
 Rows "told apart" hold the sets of one effect whose error is below that of each other effect, by itself, by more than the
@@ -38,7 +39,7 @@ from pathlib import Path
 
 from laboratory import TOLERANCE, Laboratories, arguments, empty_session, following, interval, parsed, read_lines, session
 
-OUTCOMES = ["right", "class", "wide class", "partial", "unexplained", "missed", "wrong"]
+OUTCOMES = ["right", "class", "wide class", "partial", "unexplained", "missed", "wrong link", "wrong"]
 ON_PLATES = {"plate_time_offset", "plate_gain", "body_mass"}
 # a load that is always there makes the body heavier than stated
 HEAVIER = {"body_mass", "plate_gain"}
@@ -105,11 +106,11 @@ def human_effect(rng):
     return kind, lambda size: {"effect": "payload" if kind == "load" else kind, **entry(size)}, names or {kind}
 
 
-def draw(body, rng, case=None):
-    """A laboratory as `drawn` makes it, of this case where one is asked for."""
+def draw(body, rng, case=None, only=None):
+    """A laboratory as `drawn` makes it, of this case and of one of these kinds where they are asked for."""
     while True:
         made = drawn(body, rng)
-        if case in (None, made[2]):
+        if case in (None, made[2]) and (only is None or made[3] in only):
             return made
 
 
@@ -198,13 +199,13 @@ class Bench(Laboratories):
 
     def __init__(self, args):
         super().__init__(args)
-        self.case = args.case
+        self.case, self.only = args.case, args.only.split(",") if args.only else None
 
     def sizes(self, index, strengths):
         """Set `index` with a size for each strength; other draws are tried if it cannot reach them."""
         reasons = []
         for attempt in range(4):
-            at, truth, case, kind, judged_on = draw(self.kind, random.Random(f"verdict {self.kind} {self.seed} {index} {attempt}"), self.case)
+            at, truth, case, kind, judged_on = draw(self.kind, random.Random(f"verdict {self.kind} {self.seed} {index} {attempt}"), self.case, self.only)
             seed = 4_000_000 + 10_000 * self.seed + 10 * index + attempt
             line = {"index": index, "attempt": attempt, "seed": seed, "case": case, "kind": kind, "judged_on": judged_on,
                     "truth": [sorted(t) for t in truth], "sizes": {}}
@@ -230,7 +231,7 @@ class Bench(Laboratories):
         if "kind" not in line:
             print(f"set {index:3d} not usable: {line['tried']}", file=sys.stderr, flush=True)
             return
-        at = draw(self.kind, random.Random(f"verdict {self.kind} {self.seed} {index} {line['attempt']}"), self.case)[0]
+        at = draw(self.kind, random.Random(f"verdict {self.kind} {self.seed} {index} {line['attempt']}"), self.case, self.only)[0]
         for wanted in strengths:
             name = f"{self.kind}-{index}-x{wanted}"
             if name not in done:
@@ -278,6 +279,8 @@ def judge(line):
     hidden = set().union(*truth)
     if not all(members & hidden for members in classes):
         return "wrong"
+    if any(not among for _, among, _ in stated_links(line)):
+        return "wrong link"
     if not all(named & right for right in truth):
         return "partial"
     if not named - hidden:
@@ -341,18 +344,27 @@ def told_apart(line):
     return bool(own and other) and (min(other) - min(own)) * answer["held_out_error"] > (spread[1] - spread[0]) / 2
 
 
+def stated_links(line):
+    """Of each hidden effect that an answer states on a link: whether it acts there, whether it acts on that link or on one said to
+    be as good, and how many are said to be. Of two links that are named together (`thigh_l and thigh_r`) each counts."""
+    known, also_on = line.get("links") or {}, (line.get("answer") or {}).get("also_on") or {}
+    out = []
+    for key, further in also_on.items():
+        effect, _, link = key.rstrip("]").partition("[")
+        # a load that is always there is `link_mass`, and a payload in the scenario
+        effect = "payload" if effect == "link_mass" and line["kind"] == "load" else effect
+        if effect in known and link:
+            acts_on = set(known[effect])
+            named = {link, *(name for among in further for name in among.split(" and "))}
+            out.append((link in acts_on, bool(named & acts_on), len(further)))
+    return out
+
+
 def links(lines):
     """How often the link of an effect that was named rightly is one on which it acts: the stated one, or one said to be as good."""
-    stated, among, others, of = [], [], [], []
-    for line in lines:
-        known, also_on = line.get("links") or {}, (line.get("answer") or {}).get("also_on") or {}
-        for key, further in also_on.items():
-            effect, _, link = key.rstrip("]").partition("[")
-            if effect in known and link:
-                stated.append(link in known[effect])
-                among.append(bool({link, *further} & set(known[effect])))
-                others.append(len(further))
-                of.append(line)
+    all_of = [(found, line) for line in lines for found in stated_links(line)]
+    stated, among, others = ([found[i] for found, _ in all_of] for i in range(3))
+    of = [line for _, line in all_of]
     if stated:
         print(f"\nlinks of effects that act: the stated one right {interval(sum(stated), len(stated), laboratories(of))} of {len(stated)}, among the stated and those said to be "
               f"as good {interval(sum(among), len(among), laboratories(of))}; of those {sum(others) / len(others):.1f} a time, at most {max(others)}")
@@ -388,6 +400,7 @@ def main():
     parser.add_argument("--strengths", default="1.5,2,4")
     parser.add_argument("--empty", type=int, default=10)
     parser.add_argument("--case", choices=["one", "part", "two", "two of a kind"], help="only laboratories of this case")
+    parser.add_argument("--only", metavar="KINDS", help="only laboratories that hide one of these, with commas: payload,load,payload + payload")
     parser.add_argument("--keep", metavar="FOLDER", help="keep the recordings and workspace of each set in this folder")
     parser.add_argument("--follow", action="store_true", help="also run the `effect add` that is proposed, and keep the error after it")
     args = parsed(parser, score)

@@ -315,7 +315,10 @@ pub(crate) fn conclude(
     // the effects bring the error to its floor, and without them it is above
     let reached = |e: HeldOutResult| e.reached_by(e.held_out_error);
     let at_floor = left[usize::from(!has_flights)].is_some_and(reached) && !model_error.is_some_and(reached);
-    if asked_for_all && let Some(no) = Refused::without_what_makes_it(&kept, &found, at_floor) {
+    let with = computed.as_ref().map_or([None; 2], |c| c.errors);
+    let no = Refused::without_what_makes_it(&kept, &found, at_floor)
+        .or_else(|| Refused::where_it_is_judged(&kept, &found, [session.model_error, with]));
+    if asked_for_all && let Some(no) = no {
         // others of its class are judged without it
         return Err(if found.len() == 1 && once.len() < 2 { Unnamed::All(no) } else { Unnamed::One(no) });
     }

@@ -3,8 +3,9 @@
 use crate::candidate::Variant;
 use crate::held_out::HeldOutResult;
 use crate::judge::{accompanied, may_be_zero, no_component_is_seen};
+use crate::problem::Domain;
 use crate::result::Found;
-use crate::wording::digits;
+use crate::wording::{digits, domain};
 
 /// Error in contact with an effect over that without it, as computed by all stages, above which
 /// contact speaks against the effect. On the sets for development the right effects leave less than
@@ -48,7 +49,35 @@ impl Refused {
         })
     }
 
-    /// Beside others a force or another vector is refused if no component of it differs from zero.
+    /// What the rounds found in a domain is refused if all stages compute no less error there with
+    /// all effects than without them: the last one found there. `errors` are those in flight and in
+    /// contact, without and with the effects.
+    pub fn where_it_is_judged(
+        kept: &[Variant<'_>],
+        found: &[Found],
+        errors: [[Option<HeldOutResult>; 2]; 2],
+    ) -> Option<Self> {
+        let [without, with] = errors;
+        (0..2).find_map(|i| {
+            let (before, after) = (without[i]?, with[i]?);
+            let last = kept.iter().rposition(|v| v.effect.acts().in_flight() == (i == 0))?;
+            let newtons = |e: &HeldOutResult| digits(e.held_out_error, 3);
+            (after.held_out_error >= before.held_out_error).then(|| Self {
+                id: found[last].effect.clone(),
+                words: format!(
+                    "`{}` is not named: it lowers the error of rows in {}, and all stages compute {} N with it and {} N without it",
+                    found[last].key,
+                    domain([Domain::Flight, Domain::Contact][i]),
+                    newtons(&after),
+                    newtons(&before)
+                ),
+                size_may_be_zero: false,
+            })
+        })
+    }
+
+    /// A force or another vector is refused if no component of it differs from zero, beside others
+    /// and where it has no further unknowns: nothing makes up for its components then.
     ///
     /// An effect of which only what accompanies it differs from zero ([`accompanied`]) is refused,
     /// and one whose size may be zero ([`may_be_zero`]), unless `found` holds it more than once:
@@ -68,7 +97,9 @@ impl Refused {
                     let (main, others) = (main.join(", "), others.join(", "));
                     format!("its {main} could be zero (95 % intervals); only {others} could not")
                 }
-                None if further && no_component_is_seen(&about, of, &its.coefficients) => {
+                None if (further || its.nonlinear.is_empty())
+                    && no_component_is_seen(&about, of, &its.coefficients) =>
+                {
                     "each of its components could be zero (95 % intervals)".to_owned()
                 }
                 None => {

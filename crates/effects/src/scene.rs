@@ -90,6 +90,18 @@ impl Scene {
         self.link_com_m.get(target.link()).copied().unwrap_or_else(Vector3::zeros)
     }
 
+    /// Places on the target's link from which a search for that of a mass starts, in its frame, m:
+    /// its centre of mass, its joint, and the place opposite to the joint; places that are nearly the
+    /// same once. A mass near the joint looks like a negative one at the far end if the search
+    /// starts in the middle only.
+    pub fn places_on(&self, target: Target) -> Vec<Vector3<f64>> {
+        /// Distance up to which two places are the same start, m.
+        const SAME_M: f64 = 0.03;
+        let middle = self.com_of(target);
+        let ends = [Vector3::zeros(), 2.0 * middle];
+        std::iter::once(middle).chain(ends.into_iter().filter(|end| (end - middle).norm() > SAME_M)).collect()
+    }
+
     /// φ of a point of unit mass at `point_m` of a link, as a stack over all links.
     pub fn unit_mass_at(&self, link: usize, point_m: &Vector3<f64>) -> Vec<Phi> {
         let mut out = vec![Phi::zeros(); self.model.n_links()];

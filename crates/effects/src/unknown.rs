@@ -116,9 +116,10 @@ impl NonlinearParameter {
         Self::point(prefix, centre, reach, ParameterKind::PointOnLink)
     }
     /// The position on the target's link of a force or a mass: `point_x` …, within 0.3 m of the
-    /// link's centre of mass.
+    /// link's centre of mass, on a longer link as far as its ends.
     pub fn point_of(scene: &Scene, target: Target) -> Vec<Self> {
-        Self::point_on_link("point", &scene.com_of(target), 0.3)
+        let middle = scene.com_of(target);
+        Self::point_on_link("point", &middle, (1.1 * middle.norm()).max(0.3))
     }
     /// Components `prefix_x` … of a vector in world axes, each at most `most` in magnitude.
     pub fn vector_in_world(prefix: &str, unit: &str, most: f64, scale: f64) -> Vec<Self> {

@@ -47,7 +47,7 @@ impl Effect for AddedMass {
         NonlinearParameter::point_of(scene, target)
     }
     fn starts(&self, scene: &Scene, target: Target) -> Vec<Vec<f64>> {
-        vec![scene.com_of(target).as_slice().to_vec()]
+        scene.places_on(target).iter().map(|place| place.as_slice().to_vec()).collect()
     }
     fn evaluate(&self, series: &Series<'_>, target: Target, nonlinear: &[f64], out: &mut Columns) {
         let point_m = Values::new(nonlinear).vector();

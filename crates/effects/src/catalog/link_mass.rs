@@ -41,7 +41,7 @@ impl Effect for LinkMass {
         NonlinearParameter::point_of(scene, target)
     }
     fn starts(&self, scene: &Scene, target: Target) -> Vec<Vec<f64>> {
-        vec![scene.com_of(target).as_slice().to_vec()]
+        scene.places_on(target).iter().map(|place| place.as_slice().to_vec()).collect()
     }
     fn has_wrench(&self) -> bool {
         false
