@@ -72,9 +72,7 @@ fn loads_are_sought_in_the_recordings_in_which_the_plates_show_more_mass() {
     assert_eq!(list.len(), 2, "{}", found["words"]);
     for (load, side) in list.iter().zip(["_l", "_r"]) {
         assert_eq!(names(&load["trials"]), ["jump01", "jump03", "jump05", "jump07"]);
-        let mut links = names(&load["also_on"]);
-        let stated = load["key"].as_str().unwrap();
-        links.push(stated.trim_start_matches("payload[").trim_end_matches(']'));
+        let mut links = links_of(load);
         links.sort_unstable();
         assert_eq!(links, [format!("shank{side}"), format!("thigh{side}")], "{load}");
         let mass = load["coefficients"][0]["ci95"].as_array().unwrap();
@@ -84,22 +82,46 @@ fn loads_are_sought_in_the_recordings_in_which_the_plates_show_more_mass() {
     assert!(found["words"].as_str().unwrap().contains("it would explain as much on"), "{}", found["words"]);
 }
 
-/// The mass of each jump on the plates, taken for a mass on the pelvis, put one of the loaded jumps
-/// to the others, because the arms move differently in each jump. Nothing was found.
-#[test]
-fn the_plates_divide_the_jumps_by_the_link_that_carries_the_load() {
-    let found = discovered_on("human_loaded_forearm", "human");
-    assert_eq!(names(&found["effects"]), ["payload"], "{}", found["words"]);
-    let [load] = &found["found"].as_array().unwrap()[..] else { panic!("{}", found["words"]) };
-    assert_eq!(names(&load["trials"]), ["jump05", "jump06", "jump07", "jump08"]);
-    // at the elbow, which belongs to both links
-    let mut links = names(&load["also_on"]);
+/// The links that an answer names for a load: the stated one and those said to be as good.
+fn links_of(load: &Value) -> Vec<&str> {
     let stated = load["key"].as_str().unwrap();
-    links.push(stated.trim_start_matches("payload[").trim_end_matches(']'));
-    assert!(links.contains(&"forearm_r"), "{load}");
-    let mass = load["coefficients"][0]["ci95"].as_array().unwrap();
-    let [low, high] = [0, 1].map(|i| mass[i].as_f64().unwrap());
-    assert!((low..high).contains(&0.5825) && low > 0.3, "{load}");
+    let stated = stated.trim_start_matches("payload[").trim_end_matches(']');
+    std::iter::once(stated).chain(names(&load["also_on"])).collect()
+}
+
+/// Loads on one link in some jumps: their trials, a link that has to be among those named, and their
+/// mass, kg.
+#[test]
+fn a_load_in_some_jumps_is_found_with_the_link_that_carries_it() {
+    for (scenario, trials, link, kg) in [
+        // the mass of each jump on the plates, taken for a mass on the pelvis, put one of the loaded
+        // jumps to the others, because the arms move differently in each jump; nothing was found
+        ("human_loaded_forearm", [5, 6, 7, 8], "forearm_r", 0.5825),
+        // at its joint: the search for its place started in the middle of the torso and went to the
+        // other end, so that the pelvis was stated as the only link
+        ("human_loaded_torso", [5, 6, 7, 8], "torso", 5.143),
+        // two loads at the hips move nearly as one on the pelvis, which was stated as the only link
+        ("human_loaded_thighs", [1, 3, 5, 7], "thigh_l and thigh_r", 2.0 * 1.5546),
+    ] {
+        let found = discovered_on(scenario, "human");
+        assert_eq!(names(&found["effects"]), ["payload"], "{}", found["words"]);
+        let [load] = &found["found"].as_array().unwrap()[..] else { panic!("{}", found["words"]) };
+        assert_eq!(names(&load["trials"]), trials.map(|i| format!("jump0{i}")), "{scenario}");
+        assert!(links_of(load).contains(&link), "{scenario}: {load}");
+        let mass = load["coefficients"][0]["ci95"].as_array().unwrap();
+        let [low, high] = [0, 1].map(|i| mass[i].as_f64().unwrap());
+        assert!((low..high).contains(&kg) && low > 0.5 * kg, "{scenario}: {load}");
+    }
+}
+
+/// A rotation of a plate lowered the error of the rows to 79 %; each of its angles could be zero, and
+/// all stages computed a larger error with it.
+#[test]
+fn an_effect_that_all_stages_do_not_confirm_is_not_named() {
+    let found = discovered_on("human_nothing_soft", "human");
+    assert_eq!(found["verdict"], "nothing_missing", "{}", found["words"]);
+    let left_out = names(&found["warnings"]);
+    assert!(left_out.iter().any(|w| w.contains("`plate_rotation[plate2]` is not named")), "{left_out:?}");
 }
 
 /// What makes a tether is its stiffness; without it a damping along a line only imitates a law.

@@ -148,7 +148,8 @@ fn check_one(session: &SubjectSession, entry: &TrialEntry) -> (CheckRow, Vec<Rem
         }
         None => read_one(session, entry, &mut row).unwrap_or_else(|failure| {
             row.broken = true;
-            vec![Remark::Broken { problem: failure.problem, path: entry.file.display().to_string() }]
+            let StageFailure { problem, hint, .. } = failure;
+            vec![Remark::Broken { problem, path: entry.file.display().to_string(), hint }]
         }),
     };
     row.remarks = remarks.iter().map(ToString::to_string).collect();
@@ -177,16 +178,15 @@ fn read_one(session: &SubjectSession, entry: &TrialEntry, row: &mut CheckRow) ->
     let mut remarks = Vec::new();
     if let Err(e) = fits_enough(&session.marker_set, &Recording::of(entry), &trial, &matched) {
         row.broken = true;
-        let hint = e.hint.map_or(String::new(), |h| format!("; hint: {h}"));
         let path = entry.file.display().to_string();
         // what is missing is in this sentence already
-        return Ok(vec![Remark::Broken { problem: format!("{}{hint}", e.problem), path }]);
+        return Ok(vec![Remark::Broken { problem: e.problem, path, hint: e.hint }]);
     }
     if entry.role.is_dynamic()
         && let Err(e) = low_pass(&session.config.filter).describe(trial.markers.rate_hz)
     {
         row.broken = true;
-        remarks.push(Remark::Broken { problem: format!("`filter`: {e}"), path: String::new() });
+        remarks.push(Remark::Broken { problem: format!("`filter`: {e}"), path: String::new(), hint: None });
     }
     // lengths in another unit are no noise of the markers
     if session.object.is_none()
@@ -195,7 +195,7 @@ fn read_one(session: &SubjectSession, entry: &TrialEntry, row: &mut CheckRow) ->
     {
         row.broken = true;
         let path = entry.file.display().to_string();
-        remarks.push(Remark::Broken { problem: e.to_string(), path });
+        remarks.push(Remark::Broken { problem: e.to_string(), path, hint: None });
         return Ok(remarks);
     }
     remarks.extend(trial.warnings.into_iter().map(Remark::Import));

@@ -236,6 +236,7 @@ pub fn add(
         crate::discover::refuse_without_numbers(session, &chosen)?;
         let action = format!("add {}", chosen.key);
         let key = chosen.key.clone();
+        let doubt = asked.not_named(session, &chosen);
         // the class of an effect that is added again is the one that it had
         let as_well =
             asked.as_well(&chosen).or_else(|| all.revisions.iter().rev().find_map(|r| r.confusable.get(&key).cloned()));
@@ -246,6 +247,7 @@ pub fn add(
             refuse_invisible(session, &effects, &choice, &scene)?;
         }
         let mut next = all.next(action, effects);
+        next.doubted.extend(doubt.map(|why| (key.clone(), why)));
         next.confusable.extend(as_well.filter(|others| !others.is_empty()).map(|others| (key, others)));
         Ok(next)
     })
@@ -289,6 +291,17 @@ impl Asked {
         let rivals = group.effects.iter().filter(|e| !group.is_sure() && *e != effect.id()).cloned();
         let links = d.found.iter().filter(|f| f.key == effect.key).flat_map(|f| &f.also_on);
         Some(rivals.chain(links.map(|link| format!("{}[{link}]", effect.id()))).collect())
+    }
+
+    /// Why the discovery on the present results did not name an effect that it ranked; none if it
+    /// named it, or says nothing of it.
+    fn not_named(&self, session: &SubjectSession, effect: &ModelEffect) -> Option<String> {
+        let d = self.found.as_ref().filter(|_| self.is_of(session))?;
+        let id = effect.id();
+        let named = d.groups.iter().any(|g| g.effects.iter().any(|e| e == id)) || d.effects.iter().any(|e| e == id);
+        let c = d.candidates.iter().find(|c| c.effect == id && !c.placebo).filter(|_| !named)?;
+        let left = aloft_compare::significant(100.0 * c.held_out_ratio, 2);
+        Some(format!("it left {left} % of the error in {}, and {}", c.judged_on, crate::verdict::decided(c, d)))
     }
 
     /// What the model does not know of an effect that the discovery did not fit, in words.

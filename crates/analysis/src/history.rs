@@ -98,6 +98,10 @@ pub struct HistoryRow {
     /// an effect of the model when it was added.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub cautions: Vec<String>,
+    /// An effect of the model that the recordings do not show: `discover` had not named it when it
+    /// was added, or a coefficient of it is outside its physical range.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_shown: Option<String>,
 }
 
 /// Torque of a joint whose laws a revision changed.
@@ -273,6 +277,7 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
         .chain(now.and_then(|n| only_together(&n.coefficients)))
         .chain(outside)
         .chain(r.confusable.iter().map(as_well))
+        .chain(r.doubted.iter().map(|(key, why)| format!("`discover` had not named `{key}` when it was added: {why}")))
         .collect();
     HistoryRow {
         revision: r.number,
@@ -322,6 +327,7 @@ fn row(revisions: &[Revision], i: usize, acts: &dyn Fn(&ModelEffect) -> ActsIn, 
         void,
         confusable: r.confusable.clone(),
         cautions,
+        not_shown: not_shown_of(r),
     }
 }
 
@@ -331,6 +337,20 @@ fn only_together(coefficients: &[ReachedCoefficient]) -> Option<String> {
         coefficients.iter().filter(|c| c.ci95.is_none()).map(|c| format!("`{}`", c.name)).collect();
     let some = !without.is_empty() && without.len() < coefficients.len();
     some.then(|| format!("{} have no interval: the recordings do not determine each of them alone", without.join(", ")))
+}
+
+/// [`HistoryRow::not_shown`] of the present model.
+pub(crate) fn not_shown(session: &SubjectSession) -> Option<String> {
+    not_shown_of(Revisions::load(&session.workspace).ok()?.revisions.last()?)
+}
+
+fn not_shown_of(now: &Revision) -> Option<String> {
+    let outside = |e: &ModelEffect| {
+        let mut own = now.reached.iter().flat_map(|r| &r.coefficients).filter(|c| c.range.is_some());
+        own.any(|c| c.name.strip_prefix(&e.key).is_some_and(|rest| rest.starts_with('.')))
+    };
+    let found = now.effects.iter().rev().find(|e| now.doubted.contains_key(&e.key) || outside(e))?;
+    Some(found.key.clone())
 }
 
 /// What it means that a coefficient is outside its physical range; none if it is inside.
@@ -481,6 +501,7 @@ mod tests {
             reached,
             corrections: Default::default(),
             confusable: Default::default(),
+            doubted: Default::default(),
         };
         let effect = ModelEffect { key: key.to_owned(), ..ModelEffect::default() };
         vec![revision(0, Vec::new(), Some(reached(4.0, 6.0, 1.2))), revision(1, vec![effect], Some(second))]

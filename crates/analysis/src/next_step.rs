@@ -3,6 +3,7 @@
 
 use crate::compare::ComparisonView;
 use crate::discover::{earlier, latest};
+use crate::history::not_shown;
 use aloft_discover::{Discovery, Verdict};
 use aloft_study::subject_session::SubjectSession;
 
@@ -32,6 +33,11 @@ pub enum NextStep {
         /// Why this one.
         because: Because,
     },
+    /// Remove an effect that the recordings do not show.
+    Remove {
+        /// Key of the effect.
+        key: String,
+    },
     /// Nothing was found to add: what the answer of `discover` advises.
     Advised(String),
     /// The model is at its floor, or nothing is missing.
@@ -58,6 +64,9 @@ pub struct Answers<'a> {
     pub present: Option<&'a Discovery>,
     /// The last one for an earlier model, with the keys of the effects that it held.
     pub earlier: Option<(&'a Discovery, &'a [String])>,
+    /// Key of an effect of the model that the recordings do not show
+    /// ([`crate::history::HistoryRow::not_shown`]).
+    pub not_shown: Option<&'a str>,
 }
 
 /// True if some error is not at its floor.
@@ -76,7 +85,12 @@ pub fn next_step(session: &SubjectSession, view: &ComparisonView, current: bool)
     let held: Vec<&str> = session.effects.iter().map(|e| e.key.as_str()).collect();
     let present = latest(session);
     let before = if present.is_none() { earlier(session) } else { None };
-    let answers = Answers { present: present.as_ref(), earlier: before.as_ref().map(|(d, keys)| (d, &keys[..])) };
+    let not_shown = not_shown(session);
+    let answers = Answers {
+        present: present.as_ref(),
+        earlier: before.as_ref().map(|(d, keys)| (d, &keys[..])),
+        not_shown: not_shown.as_deref(),
+    };
     step(view, answers, &held)
 }
 
@@ -128,6 +142,9 @@ pub fn step(view: &ComparisonView, answers: Answers<'_>, held: &[&str]) -> NextS
     let record = view.parameters.to_do.clone();
     if let (true, Some(prior)) = (view.parameters.held_by_prior, &record) {
         return NextStep::Correct { what: prior.clone(), offered: false };
+    }
+    if let Some(key) = answers.not_shown {
+        return NextStep::Remove { key: key.to_owned() };
     }
     let Some(d) = answer else {
         let rest = answers.earlier.filter(|_| is_above(view)).and_then(|(d, then)| still_to_add(d, then, held));

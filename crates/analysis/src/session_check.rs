@@ -205,7 +205,8 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
                 _ => "",
             }
         );
-        let what = format!("mass from standing still ({})", t.name);
+        let against = if by_impulse.is_some() { ", against the impulse" } else { "" };
+        let what = format!("mass from standing still{against} ({})", t.name);
         lines.push(SessionLine {
             id: "static_mass",
             what,

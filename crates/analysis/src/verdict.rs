@@ -79,7 +79,8 @@ fn chance_in_words(round: &Round, best: &Candidate) -> String {
     if round.clusters <= FEW_PATTERNS {
         let patterns = 1_usize << round.clusters.saturating_sub(1);
         return format!(
-            "does as well with a probability of at most {} ({} flights or trials cannot show less than 1 in {patterns})",
+            "does as well with a probability of about {} (places and groups of trials are not sought anew for it; {} flights or trials cannot show less than 1 in \
+             {patterns})",
             at_most(best.family_wise_p),
             round.clusters
         );

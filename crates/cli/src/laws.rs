@@ -14,7 +14,7 @@ pub fn laws(found: &OpenWorld) -> Result<(), Stop> {
         out(labelled(
             "  ",
             &format!(
-                "with random signs the best of {} combinations does as well with a probability of at most {:.3}",
+                "with random signs the best of {} combinations does as well with a probability of about {:.3}",
                 found.entries, d.family_wise_p
             ),
         ))?;

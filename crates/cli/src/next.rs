@@ -34,6 +34,7 @@ pub fn command_for(step: &NextStep, id: &SessionId, args: &PipelineArgs) -> Stri
         NextStep::Run | NextStep::Correct { .. } => line("run", args, &member(id)),
         NextStep::Discover { .. } => line("discover", args, &member(id)),
         NextStep::Add { key, .. } => add(key, id, args),
+        NextStep::Remove { key } => line("effect remove", args, &[vec![key.clone()], member(id)].concat()),
         NextStep::Record(_) | NextStep::Advised(_) | NextStep::Use | NextStep::Look => {
             line("report", args, &member(id))
         }
@@ -70,7 +71,7 @@ pub fn for_all(steps: &[(&SessionId, NextStep)], args: &PipelineArgs) -> String 
         }
         _ if any(|s| matches!(s, NextStep::Run | NextStep::Correct { .. })).is_some() => of_all("run", None),
         _ if any(|s| matches!(s, NextStep::Discover { .. })).is_some() => of_all("discover", None),
-        _ => match any(|s| matches!(s, NextStep::Add { .. })) {
+        _ => match any(|s| matches!(s, NextStep::Add { .. } | NextStep::Remove { .. })) {
             Some((id, step)) => command_for(step, id, args),
             None => of_all("report", None),
         },

@@ -126,7 +126,10 @@ pub(crate) fn describe(model: &ModelComparison, floor: Option<&NoiseFloor>, agai
             place.what,
             place.name,
             place.times_median,
-            share.map_or(String::new(), |s| format!("; {:.0} % of its mean square error is explainable", 100.0 * s))
+            share.map_or(String::new(), |s| format!(
+                "; {:.0} % of its mean square error is more than noise explains",
+                100.0 * s
+            ))
         ));
     }
     for (by, what) in [
@@ -152,7 +155,7 @@ pub(crate) fn describe(model: &ModelComparison, floor: Option<&NoiseFloor>, agai
     }
     if let Some(segment) = model.segments.first().filter(|s| !noise && s.inertia_share > LARGE_SHARE) {
         out.push(format!(
-            "A change of {} alone would explain {:.0} % of the mean square error.",
+            "An error of the mass or inertia of {} alone would look like {:.0} % of the mean square error; a missing force can look the same.",
             segment.link,
             100.0 * segment.inertia_share
         ));

@@ -59,20 +59,9 @@ impl Refused {
     ) -> Option<Self> {
         let [without, with] = errors;
         (0..2).find_map(|i| {
-            let (before, after) = (without[i]?, with[i]?);
             let last = kept.iter().rposition(|v| v.effect.acts().in_flight() == (i == 0))?;
-            let newtons = |e: &HeldOutResult| digits(e.held_out_error, 3);
-            (after.held_out_error >= before.held_out_error).then(|| Self {
-                id: found[last].effect.clone(),
-                words: format!(
-                    "`{}` is not named: it lowers the error of rows in {}, and all stages compute {} N with it and {} N without it",
-                    found[last].key,
-                    domain([Domain::Flight, Domain::Contact][i]),
-                    newtons(&after),
-                    newtons(&before)
-                ),
-                size_may_be_zero: false,
-            })
+            let words = not_confirmed(&found[last].key, [Domain::Flight, Domain::Contact][i], without[i]?, with[i]?)?;
+            Some(Self { id: found[last].effect.clone(), words, size_may_be_zero: false })
         })
     }
 
@@ -110,5 +99,37 @@ impl Refused {
             };
             Some(Self { id: its.effect.clone(), words: format!("`{}` is not named: {why}", its.key), size_may_be_zero })
         })
+    }
+}
+
+/// Why an effect is not named although rows speak for it, if all stages compute no less error with
+/// it than without it.
+fn not_confirmed(key: &str, place: Domain, without: HeldOutResult, with: HeldOutResult) -> Option<String> {
+    let newtons = |e: &HeldOutResult| digits(e.held_out_error, 3);
+    (with.held_out_error >= without.held_out_error).then(|| {
+        format!(
+            "`{key}` is not named: it lowers the error of rows in {}, and all stages compute {} N with it and {} N without it",
+            domain(place),
+            newtons(&with),
+            newtons(&without)
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_that_does_not_fall_refuses_an_effect() {
+        let of = |held_out_error| HeldOutResult {
+            held_out_error,
+            noise_floor: 5.87,
+            noise_floor_ci95: Some([4.05, 8.51]),
+            by_parameters: None,
+        };
+        let words = not_confirmed("plate_rotation[plate2]", Domain::Contact, of(5.13), of(7.53)).unwrap();
+        assert!(words.ends_with("in contact, and all stages compute 7.53 N with it and 5.13 N without it"), "{words}");
+        assert!(not_confirmed("plate_gain", Domain::Contact, of(5.13), of(5.12)).is_none());
     }
 }

@@ -424,7 +424,8 @@ pub struct Found {
     /// Trials in which a group effect acts; empty for all.
     pub trials: Vec<String>,
     /// Other links on which the effect explains as much, best first: the recordings leave open on
-    /// which of them it acts.
+    /// which of them it acts. Of a load also pairs of mirrored links, half of it on each, as
+    /// `thigh_l and thigh_r`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub also_on: Vec<String>,
     /// True if its size is from flights and contact together, so that contact takes part in the

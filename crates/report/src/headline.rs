@@ -22,7 +22,7 @@ pub fn headline(story: &Story<'_>) -> Headline {
     let sentence = sentence(story, all.first(), all.get(1));
     let mut facts: Vec<Fact> = Vec::new();
     if let Some(first) = all.first() {
-        facts.push(Fact::new("How wrong", how_wrong(story, first, all.get(1))));
+        facts.push(Fact::new("How wrong", how_wrong(first, all.get(1))));
         facts.extend(place(story, first).map(|text| Fact::new("Where", text)));
     }
     facts.push(Fact::new("Missing", missing(story)));
@@ -147,14 +147,10 @@ fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceE
     }
 }
 
-fn how_wrong(story: &Story<'_>, first: &PlaceError, other: Option<&PlaceError>) -> String {
-    let weight = story.session.facts.person.mass_kg * story.session.facts.gravity_mps2;
-    let share = if weight > 0.0 {
-        format!(" ({} % of body weight)", number(100.0 * first.error_n / weight))
-    } else {
-        String::new()
-    };
-    let mut text = format!("{} N{share} on held-out {}", number(first.error_n), first.place);
+fn how_wrong(first: &PlaceError, other: Option<&PlaceError>) -> String {
+    let of = |(force, moment)| format!(" (force {} N, moment {} N·m)", number(force), number(moment));
+    let parts = first.force_and_moment.map_or(String::new(), of);
+    let mut text = format!("{} N{parts} on held-out {}", number(first.error_n), first.place);
     if let Some(floor) = first.floor_n {
         text.push_str(&format!("; a perfect model would leave {} N", number(floor)));
         if let Some([low, high]) = first.interval_n {
@@ -272,6 +268,10 @@ fn next(story: &Story<'_>) -> Fact {
             };
             with(text, command(s, "effect add", Some(&key)))
         }
+        NextStep::Remove { key } => with(
+            &format!("Remove `{key}`, which these recordings do not show."),
+            command(s, "effect remove", Some(&key)),
+        ),
         NextStep::Advised(advice) => Fact::new("Next", sentence_of(&advice)),
         NextStep::Use => with("Use the model.", command(s, "parameters", None)),
         NextStep::Look => with("Locate the error.", command(s, "compare", None)),

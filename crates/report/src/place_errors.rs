@@ -18,6 +18,8 @@ pub struct PlaceError {
     pub place: String,
     /// Held-out error, N.
     pub error_n: f64,
+    /// Its force, N, and its moment, N·m; none in results of older programs.
+    pub force_and_moment: Option<(f64, f64)>,
     /// Noise floor, N.
     pub floor_n: Option<f64>,
     /// 95 % interval of the noise floor, N.
@@ -38,6 +40,7 @@ impl PlaceError {
         Self {
             place: e.judged_on.clone(),
             error_n: e.held_out_error,
+            force_and_moment: e.held_out_force_n.zip(e.held_out_moment_nm),
             floor_n: e.noise_floor,
             interval_n: e.noise_floor_ci95,
             ratio: e.times_floor,
@@ -115,7 +118,11 @@ pub fn answers<'s>(story: &'s Story<'_>) -> Answers<'s> {
     let present = revisions.last().map_or(0, |r| r.revision);
     let earlier = story.discoveries.iter().rev().find(|(n, d)| *n < present && d.made_from == story.looked_at);
     let held = |n: usize| revisions.iter().find(|r| r.revision == n).map(|r| &r.effects[..]);
-    Answers { present: asked(story), earlier: earlier.and_then(|(n, d)| Some((&d.answer, held(*n)?))) }
+    Answers {
+        present: asked(story),
+        earlier: earlier.and_then(|(n, d)| Some((&d.answer, held(*n)?))),
+        not_shown: revisions.last().and_then(|r| r.not_shown.as_deref()),
+    }
 }
 
 /// Effects of the present model.

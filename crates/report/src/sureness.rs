@@ -136,7 +136,7 @@ fn evidence(story: &Story<'_>, d: &Discovery, first: Option<&PlaceError>) -> Opt
     {
         return Some(format!(
             "With it the held-out error falls to {} times the floor; with random signs the best of {} combinations does as well with a \
-             probability of at most {}.",
+             probability of about {}.",
             times(after),
             open.entries,
             verdict::at_most(p)

@@ -210,6 +210,10 @@ pub struct Revision {
     /// key of that effect.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub confusable: BTreeMap<String, Vec<String>>,
+    /// Why the discovery that was there when an effect was added had not named it, by the key of
+    /// that effect.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub doubted: BTreeMap<String, String>,
 }
 
 /// All revisions of a workspace; the last is the present one.
@@ -233,6 +237,7 @@ impl Default for Revisions {
             reached: None,
             corrections: CorrectionsConfig::default(),
             confusable: BTreeMap::new(),
+            doubted: BTreeMap::new(),
         };
         Self { revisions: vec![first], pending: None }
     }
@@ -282,6 +287,8 @@ impl Revisions {
         let corrections = last.map(|r| r.corrections.clone()).unwrap_or_default();
         let mut confusable = last.map(|r| r.confusable.clone()).unwrap_or_default();
         confusable.retain(|key, _| effects.iter().any(|e| e.key == *key));
-        Revision { number: self.revisions.len(), action, effects, reached: None, corrections, confusable }
+        let mut doubted = last.map(|r| r.doubted.clone()).unwrap_or_default();
+        doubted.retain(|key, _| effects.iter().any(|e| e.key == *key));
+        Revision { number: self.revisions.len(), action, effects, reached: None, corrections, confusable, doubted }
     }
 }

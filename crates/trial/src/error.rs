@@ -71,4 +71,18 @@ pub enum TrialError {
         #[doc(hidden)]
         found: String,
     },
+    /// A coordinate, force or moment that no recording holds.
+    #[error("{trial}: {place}: found {found}, expected {expected} ({others} more such values): the file is damaged")]
+    Impossible {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        place: String,
+        #[doc(hidden)]
+        found: String,
+        #[doc(hidden)]
+        expected: &'static str,
+        #[doc(hidden)]
+        others: usize,
+    },
 }

@@ -4,6 +4,7 @@ use crate::limits::leave_out_stuck;
 use crate::mot::{first_time_s, read_ground_reactions};
 use crate::options::{disambiguate, require_content, to_world};
 use crate::person::person_of;
+use crate::possible::{is_not_seen, require_possible};
 use crate::recorded;
 use crate::segments::add_segments;
 use crate::trc::read_trc;
@@ -55,6 +56,7 @@ impl Trial {
         trial.recorded = recorded::of_c3d(file);
         trial.person = person_of(file);
         trial.start_s = (f64::from(file.first_frame) - 1.0).max(0.0) / file.point_rate_hz;
+        require_possible(&trial)?;
         let screen = file.groups.get("POINT", "Y_SCREEN").and_then(|p| p.string());
         to_world(&mut trial, options, screen.as_deref().and_then(UpAxis::parse), UpAxis::Z);
         correct_reaction_sign(&mut trial);
@@ -72,6 +74,7 @@ impl Trial {
         trial.start_s = start_s;
         read_ground_reactions(&mut trial, text, start_s)?;
         leave_out_stuck(&mut trial);
+        require_possible(&trial)?;
         to_world(&mut trial, options, None, UpAxis::Y);
         Ok(trial)
     }
@@ -98,6 +101,7 @@ impl Trial {
             read_ground_reactions(&mut trial, text, start_s)?;
             leave_out_stuck(&mut trial);
         }
+        require_possible(&trial)?;
         to_world(&mut trial, options, None, UpAxis::Y);
         correct_reaction_sign(&mut trial);
         Ok(trial)
@@ -151,9 +155,10 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
             point
                 .xyz
                 .iter()
-                .map(|p| {
-                    let p = Vector3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2])) * metres;
-                    if p.iter().all(|x| x.is_finite()) { p } else { Vector3::repeat(f64::NAN) }
+                .map(|stored| {
+                    let [x, y, z] = stored.map(f64::from);
+                    let p = Vector3::new(x, y, z) * metres;
+                    if p.iter().all(|x| x.is_finite()) && !is_not_seen(stored) { p } else { Vector3::repeat(f64::NAN) }
                 })
                 .collect::<Vec<_>>(),
         );

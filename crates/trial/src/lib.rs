@@ -15,6 +15,7 @@ pub mod marker_set;
 pub mod mot;
 pub mod options;
 mod person;
+mod possible;
 pub mod quality;
 mod recorded;
 pub mod recording;

@@ -14,8 +14,8 @@ pub(crate) enum Remark {
     Import(Warning),
     /// Labels that the marker set does not know.
     UnknownLabels(Vec<String>),
-    /// The recording cannot be used: the problem, with the file's path.
-    Broken { problem: String, path: String },
+    /// The recording cannot be used: the problem, with the file's path, and what to do.
+    Broken { problem: String, path: String, hint: Option<String> },
     /// Anything else.
     Other(String),
 }
@@ -28,6 +28,7 @@ impl std::fmt::Display for Remark {
             Self::UnknownLabels(labels) => {
                 write!(f, "labels that the set does not know: {}", aloft_pipeline::recording::abridged(labels))
             }
+            Self::Broken { problem, hint: Some(hint), .. } => write!(f, "{problem}; hint: {hint}"),
             Self::Broken { problem, .. } | Self::Other(problem) => f.write_str(problem),
         }
     }
@@ -90,7 +91,7 @@ fn key(remark: &Remark) -> String {
         Remark::Quality(reason) => format!("quality {}", QcReason::from(reason).code()),
         Remark::Import(warning) => format!("import {}", template(&warning.message)),
         Remark::UnknownLabels(_) => "unknown labels".to_owned(),
-        Remark::Broken { problem, path } => format!("broken {}", template(&problem.replace(path.as_str(), ""))),
+        Remark::Broken { problem, path, .. } => format!("broken {}", template(&problem.replace(path.as_str(), ""))),
         Remark::Other(text) => format!("other {}", template(text)),
     }
 }
@@ -210,7 +211,11 @@ mod tests {
         let walk: Vec<Remark> = (0..60).map(|k| gap(["LASI", "RASI", "SACR"][k % 3], 50 * k)).collect();
         let jump = [gap("LASI", 3), told("plate 1: ZERO 1 to 10 is not used"), told("vertical by gravity")];
         let other = [told("plate 2: ZERO 3 to 12 is not used"), told("vertical by gravity")];
-        let broken = [Remark::Broken { problem: "lab/x.c3d: the file is empty".into(), path: "lab/x.c3d".into() }];
+        let broken = [Remark::Broken {
+            problem: "lab/x.c3d: the file is empty".into(),
+            path: "lab/x.c3d".into(),
+            hint: Some("leave it out".into()),
+        }];
         let rows = [("walk", &walk[..]), ("jump", &jump), ("hop", &other), ("x", &broken)];
         let found: Vec<String> = findings(rows.into_iter()).iter().map(|f| f.sentence(4)).collect();
         assert_eq!(

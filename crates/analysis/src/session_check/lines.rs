@@ -64,6 +64,7 @@ impl SessionCheck {
             l.status == LineStatus::Differs && ["impulse_mass", "free_fall", "vertical"].contains(&l.id)
         };
         (acts && self.lines.iter().any(falls))
-            .then_some("A force on the body in flight changes mass, rate and vertical as measured here.")
+            .then_some("The model holds a force in flight, or `discover` found one. It changes mass, rate and vertical as measured \
+             here: lines that differ may be its effect, and nothing is to be corrected from them alone.")
     }
 }

@@ -217,7 +217,7 @@ pub(crate) fn documentation(text: &str, values: &[&Estimate], ratio: f64, p: f64
     format!(
         "## Physics\nFound by `aloft discover`, not derived: {text}.\n\
          ## Equation\nAs in the formulas. On the recordings where it was found: {}.\n\
-         ## Identifiability\nHeld-out error fell to {:.1} % with it; with random signs of the {of} does as well with a probability of at most {p:.3}; its intervals do not contain \
+         ## Identifiability\nHeld-out error fell to {:.1} % with it; with random signs of the {of} does as well with a probability of about {p:.3}; its intervals do not contain \
          the choice of the law. \
          A law fitted to some motions need not hold for others: rank it again on new recordings, at other places, speeds and headings.\n\
          ## References\nNone: this law comes from recordings.\n",

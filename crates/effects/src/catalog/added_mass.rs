@@ -17,7 +17,7 @@ const ABOUT: About<'static> = About {
 A body that accelerates carries surrounding air or water along: inertia without weight. For limbs in air 0.1-0.5 % of the mass, for a parachute tens of kilograms.
 
 ## Equation
-`F = -m_a a` at a point of the link, a its acceleration: a point mass whose weight is taken back. Coefficient: `m_a` (kg, positive); nonlinear: the point, within 0.3 m of the link's centre of mass.
+`F = -m_a a` at a point of the link, a its acceleration: a point mass whose weight is taken back. Coefficient: `m_a` (kg, positive); nonlinear: the point, within 0.3 m of the link's centre of mass (on a longer link up to its ends).
 
 ## Identifiability
 The inertia is absorbed by the inertial parameters; what remains is the missing weight, an upward force at the point: close to a smaller gravity unless the point is far from the centre of mass.

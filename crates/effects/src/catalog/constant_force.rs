@@ -14,7 +14,7 @@ const ABOUT: About<'static> = About {
 Something pulls or pushes one point of the body with a force of constant size and direction in the room: a long rubber band, a weight over a distant pulley, a jet of air.
 
 ## Equation
-`F = (F_x, F_y, F_z)` in the world at the point p of a link. Coefficients: the force in N; nonlinear: p, within 0.3 m of the link's centre of mass.
+`F = (F_x, F_y, F_z)` in the world at the point p of a link. Coefficients: the force in N; nonlinear: p, within 0.3 m of the link's centre of mass (on a longer link up to its ends).
 
 ## Identifiability
 Near the whole centre of mass it is an alias of a tilt (horizontal part) and of the magnitude (vertical part) of gravity; far from it the moment tells. \

@@ -15,7 +15,7 @@ const ABOUT: About<'static> = About {
 A harness hangs on a rope that a counterweight or a motor keeps at constant tension; the rope runs over a pulley in the room.
 
 ## Equation
-`F = T u`, u the direction from the point of the link to the pulley. Coefficient: tension `T` (N, positive). Nonlinear: pulley (m), attachment within 0.3 m of the link's centre of mass.
+`F = T u`, u the direction from the point of the link to the pulley. Coefficient: tension `T` (N, positive). Nonlinear: pulley (m), attachment within 0.3 m of the link's centre of mass (on a longer link up to its ends).
 
 ## Identifiability
 A distant pulley makes it a constant force (overhead: close to a change of gravity's magnitude). Moving sideways under the pulley turns the force and separates them.

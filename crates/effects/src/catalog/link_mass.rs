@@ -13,7 +13,7 @@ const ABOUT: About<'static> = About {
 A weight is worn in every recording, or a link is not what the anthropometric tables say: a prosthesis, a cast, a missing limb, a very muscular leg. The inertial parameters found from flights are held near the tables, so that a large deviation of one link leaves an error.
 
 ## Equation
-Parameters of the link change by `m [1, p, |p|2 1 - p p']` and those of the whole body by `-m phi / M`, so that the body mass stays the stated one. Coefficient: mass `m` (kg, that of the load if the body was weighed with it). Nonlinear: the place p within 0.3 m of the link's centre of mass.
+Parameters of the link change by `m [1, p, |p|2 1 - p p']` and those of the whole body by `-m phi / M`, so that the body mass stays the stated one. Coefficient: mass `m` (kg, that of the load if the body was weighed with it). Nonlinear: the place p within 0.3 m of the link's centre of mass (on a longer link up to its ends).
 
 ## Identifiability
 Only for bodies with values from tables (people): without them it is part of the inertial parameters. Flights do not show the total mass: where the body was weighed without the load m, the coefficient is `m M / (M + m)`. A load and a wrong value in the tables are the same; a recording without the load separates them.

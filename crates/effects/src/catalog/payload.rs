@@ -14,7 +14,7 @@ const ABOUT: About<'static> = About {
 A weight, a vest, a bag or a tool rides on a link in some of the trials. Within those trials it is part of the body; between loaded and unloaded trials the inertial parameters differ.
 
 ## Equation
-Parameters of the link change by `m [1, p, |p|2 1 - p p']` in the trials of one group. Coefficient: mass `m` (kg, relative to the body mass stated). Nonlinear: the place p within 0.3 m of the link's centre of mass.
+Parameters of the link change by `m [1, p, |p|2 1 - p p']` in the trials of one group. Coefficient: mass `m` (kg, relative to the body mass stated). Nonlinear: the place p within 0.3 m of the link's centre of mass (on a longer link up to its ends).
 
 ## Identifiability
 Exactly absorbed by the inertial parameters unless there are loaded and unloaded trials; the group is named by the user or found from the trials themselves. Which group carries it follows from the sign only if the body mass was taken unloaded.

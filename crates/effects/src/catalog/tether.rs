@@ -16,7 +16,7 @@ An elastic line, safety rope or cable runs from a point of a link to an anchor i
 
 ## Equation
 `F = (k (d - l0) + c d_dot) u` for d > l0, else zero; d the distance and u the direction to the anchor. Coefficients: stiffness `k` (N/m, positive), damping `c` (N s/m). \
-Nonlinear: anchor (m), rest length `l0` (m, zero or more), attachment within 0.3 m of the link's centre of mass.
+Nonlinear: anchor (m), rest length `l0` (m, zero or more), attachment within 0.3 m of the link's centre of mass (on a longer link up to its ends).
 
 ## Identifiability
 Visible to 90-99 %. Anchor and rest length trade off along the line while the stiffness stays good; a slack tether shows nothing. A short stiff one is told from drag (0.8) and gravity (0.9-0.97) \

@@ -19,7 +19,7 @@ Soft tissue follows the bone late and rings after take-off and landing. A part o
 Offset x of the mass: `x'' = g - a - 2 z w (x' - omega x x) - w2 x`, a the acceleration of the point, omega the angular velocity of the link, w = 2 pi f. Against a rigid link the body feels `-m x''` at the point. \
 Coefficients (kg; none larger than the mass of the body): mass `m` (positive), driven through the 0.4 s that lead up to the stretch, or from no offset where none were recorded; `hanging`, which hung at rest in gravity when the stretch began and rings freely from there \
 (m for a body let go at rest, more after a take-off); `turning`, the same for an offset at rest in the first frame's field (m for a body that had long been turning). \
-Nonlinear: frequency f (2-20 Hz), damping ratio z (0.02-1), the point p within 0.3 m of the link's centre of mass. For w far above the motion the first is the quasi-static `-(m/w2) d2(a - g)/dt2`.
+Nonlinear: frequency f (2-20 Hz), damping ratio z (0.02-1), the point p within 0.3 m of the link's centre of mass (on a longer link up to its ends). For w far above the motion the first is the quasi-static `-(m/w2) d2(a - g)/dt2`.
 
 ## Identifiability
 Differentiation blurs the moment of release, so that the mass is found 10-20 % too large. 35-55 % visible at best beside the inertial parameters; filter attenuation and soft-tissue artefact occupy the same frequency band. Rings of 5-15 Hz that decay after impact are characteristic.
