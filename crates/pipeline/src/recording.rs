@@ -29,9 +29,7 @@ pub fn unreadable(name: &str, file: &std::path::Path, error: &aloft_trial::Trial
     let name = quote::yaml(&quote::pattern(name));
     StageFailure::with_hint(
         format!("{}: {error}", file.display()),
-        format!(
-            "export or copy the recording again, or leave it out: `trials: {{exclude: [{{trial: {name}, reason: …}}]}}`"
-        ),
+        format!("export or copy it again, or exclude it: `trials: {{exclude: [{{trial: {name}, reason: …}}]}}`"),
     )
     .because(QcReason::UnreadableFile)
 }
