@@ -106,7 +106,11 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
         );
     }
     if count(Role::Identify) == 0 {
-        remarks.push("no trial to identify from: see `trials: {identify: …}`".to_owned());
+        let patterns: Vec<String> = session.config.trials.identify.iter().map(|p| format!("`{p}`")).collect();
+        remarks.push(format!(
+            "no trial to identify from: no recording matches `trials: identify` ({})",
+            patterns.join(", ")
+        ));
     }
     if !session.is_rigid() && session.osim.is_none() {
         if session.facts.person.sex.is_none() {

@@ -72,7 +72,7 @@ pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<
         return Err(there_already(folder, &target));
     }
     if !folder.is_dir() {
-        return Err(PipelineError::request(format!("{} is not a folder", folder.display())));
+        return Err(PipelineError::no_folder(&folder.display().to_string()));
     }
     if let Some((text, notes)) = robot::pipeline(folder, &target)? {
         return save(target, &text, notes);

@@ -7,7 +7,8 @@
 //!
 //! A load may also be two equal ones, on both thighs or both forearms: together they move much as
 //! one between them. What is carried is therefore tried on each pair of mirrored links, too, with
-//! mirrored places, so that a pair has as many unknowns as a single load.
+//! mirrored places, so that a pair has as many unknowns as a single load. Where several loads were
+//! found, they are on their links already.
 
 use crate::candidate::{Variant, solve};
 use crate::ladder::extra_columns;
@@ -114,7 +115,9 @@ fn other_links(
     let single = targets.iter().filter(|t| matches!(t, Target::Link(_)) && **t != own.target && is_free(t));
     let mut tried: Vec<(String, Option<Vec<f64>>)> =
         single.collect::<Vec<_>>().into_par_iter().map(|t| (t.label(session.scene), on(own.effect, *t))).collect();
-    if !own.effect.has_wrench()
+    let alone = others.iter().all(|v| v.effect.id() != own.effect.id());
+    if alone
+        && !own.effect.has_wrench()
         && let Some(of) = Symmetry::from_names(&session.scene.model)
     {
         let pairs: Vec<[usize; 2]> = of.pairs.iter().map(|&(a, b)| [a, b]).collect();

@@ -1,6 +1,7 @@
 //! Looks up named configurations such as `human34` or `de_leva`: in a file beside the pipeline, or
 //! in the set built into the binary.
 
+use crate::nearest::hint;
 use crate::ranges::parse_yaml;
 use aloft_workspace::error::PipelineError;
 use include_dir::{Dir, include_dir};
@@ -51,9 +52,11 @@ pub fn find(kind: &str, name: &str, pipeline_dir: &Path) -> Result<Source, Pipel
             text: file.contents_utf8().unwrap_or_default().to_owned(),
         });
     }
+    let names = names(kind);
+    let known: Vec<&str> = names.iter().map(String::as_str).collect();
     Err(PipelineError::request_hint(
         format!("no {} called `{name}`", kind.trim_end_matches('s')),
-        format!("known are {}; or give a path ending in .yaml", names(kind).join(", ")),
+        format!("{}; or give a path ending in .yaml", hint(name, &known, "known are")),
     ))
 }
 

@@ -337,6 +337,9 @@ fn folders_of(pipeline: &PipelineFile, overrides: &Overrides) -> Result<(PathBuf
             ));
         }
     };
+    if let Some(given) = overrides.data.as_ref().filter(|d| !d.is_dir()) {
+        return Err(PipelineError::no_folder(&format!("--data {}", given.display())));
+    }
     if !data.is_dir() {
         return Err(error_at_key(
             &file,

@@ -12,7 +12,6 @@ pub mod data_set;
 pub mod effects;
 pub mod facts;
 pub mod inherit;
-pub mod nearest;
 pub mod old_names;
 pub mod opencap;
 pub mod osim;
@@ -25,6 +24,8 @@ pub mod revision;
 pub mod robot;
 pub mod settings;
 pub mod subject_session;
+
+pub use aloft_workspace::nearest;
 
 /// JSON schema of pipeline files.
 pub fn config_schema() -> schemars::Schema {

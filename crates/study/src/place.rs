@@ -1,6 +1,7 @@
 //! Errors that point at their place in a YAML text: what the parser says, and errors found after
 //! parsing, for which the place is found again in the text.
 
+use crate::nearest::nearest;
 use aloft_workspace::error::PipelineError;
 use miette::{NamedSource, SourceOffset, SourceSpan};
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
@@ -128,6 +129,7 @@ pub(crate) fn not_yaml(file: &str, text: &str, error: &serde_yaml::Error) -> Pip
         SourceSpan::new(SourceOffset::from_location(text, l.line(), l.column()), token_length(text, l.index()))
     });
     let full = error.to_string();
+    let hint = meant(&full);
     let problem = match full.rfind(" at line ") {
         Some(cut) => full[..cut].to_owned(),
         None => full,
@@ -136,13 +138,15 @@ pub(crate) fn not_yaml(file: &str, text: &str, error: &serde_yaml::Error) -> Pip
         Some(l) => format!("line {}: {problem}", l.line()),
         None => problem,
     };
-    PipelineError::Config {
-        file: file.to_owned(),
-        problem,
-        text: NamedSource::new(file, text.to_owned()),
-        at,
-        hint: None,
-    }
+    PipelineError::Config { file: file.to_owned(), problem, text: NamedSource::new(file, text.to_owned()), at, hint }
+}
+
+/// The known name nearest to one that the parser does not know.
+fn meant(problem: &str) -> Option<String> {
+    let quoted: Vec<&str> = problem[problem.find("unknown ")?..].split('`').skip(1).step_by(2).collect();
+    let (unknown, known) = quoted.split_first()?;
+    let near = nearest(unknown, known).first().map(|name| format!("did you mean `{name}`?"))?;
+    Some(near)
 }
 
 fn token_length(text: &str, index: usize) -> usize {

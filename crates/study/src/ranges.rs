@@ -164,9 +164,17 @@ impl Walk<'_> {
         Some(Outside {
             path: path.to_owned(),
             problem: format!("`{path}` is {found}, expected {range}"),
-            hint: schema.get("description").and_then(Json::as_str).map(str::to_owned),
+            hint: hint_for(value, schema),
         })
     }
+}
+
+/// What the setting is, and the number without the unit that stands behind it.
+fn hint_for(value: &Value, schema: &Json) -> Option<String> {
+    let bare = value.as_str().and_then(|s| s.split_whitespace().next()).filter(|word| word.parse::<f64>().is_ok());
+    let bare = bare.map(|word| format!("write {word} without quotes and without a unit. "));
+    let what = schema.get("description").and_then(Json::as_str);
+    (bare.is_some() || what.is_some()).then(|| bare.unwrap_or_default() + what.unwrap_or_default())
 }
 
 /// Shortest form of a number: with an exponent instead of a row of zeros.

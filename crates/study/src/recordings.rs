@@ -182,11 +182,8 @@ fn files_below(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<Vec<Path
                 || e.path().join(aloft_workspace::format::MARKER).is_file())
     });
     for entry in walk {
-        let entry = entry.map_err(|e| PipelineError::Io {
-            action: "list",
-            path: folder.to_path_buf(),
-            source: e.into_io_error().unwrap_or_else(|| std::io::Error::other("a loop of links")),
-        })?;
+        let problem = |e: walkdir::Error| e.into_io_error().unwrap_or_else(|| std::io::Error::other("a loop of links"));
+        let entry = entry.map_err(|e| PipelineError::io("list", folder)(problem(e)))?;
         if wanted(entry.path()) && entry.path().is_file() {
             found.push(entry.path().strip_prefix(folder).unwrap_or(entry.path()).to_path_buf());
         }

@@ -1,9 +1,10 @@
 //! What can go wrong between a configuration and its results. Configuration errors carry the text
 //! and the place in it.
 
+use crate::nearest;
 use crate::qc::QcReason;
 use miette::{Diagnostic, NamedSource, SourceSpan};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Errors of this crate.
 #[derive(Debug, thiserror::Error, Diagnostic)]
@@ -28,7 +29,7 @@ pub enum PipelineError {
         hint: Option<String>,
     },
     /// Something on the disk cannot be read or written.
-    #[error("{}: cannot {action}: {source}", path.display())]
+    #[error("{}: cannot {action}: {problem}", path.display())]
     #[diagnostic(code(aloft::io))]
     Io {
         /// What was tried, for example `read`.
@@ -36,7 +37,10 @@ pub enum PipelineError {
         /// Where.
         path: PathBuf,
         /// What the operating system said.
-        source: std::io::Error,
+        problem: std::io::Error,
+        /// What to do about it.
+        #[help]
+        hint: Option<String>,
     },
     /// A table of the workspace cannot be read or written.
     #[error("{}: {problem}", path.display())]
@@ -98,7 +102,21 @@ impl PipelineError {
     /// An [`PipelineError::Io`] for `path`.
     pub fn io(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.into();
-        move |source| Self::Io { action, path, source }
+        move |problem| {
+            let hint = if problem.kind() == std::io::ErrorKind::NotFound { files_there(&path) } else { None };
+            Self::Io { action, path, problem, hint }
+        }
+    }
+
+    /// A folder that the user named and that does not exist; `given` is how it was named, for
+    /// example `--data lab`.
+    pub fn no_folder(given: &str) -> Self {
+        let here =
+            std::env::current_dir().map_or_else(|_| "the current folder".to_owned(), |d| d.display().to_string());
+        Self::request_hint(
+            format!("{given}: there is no such folder"),
+            format!("give the folder that holds the recordings, as seen from {here}"),
+        )
     }
 
     /// A [`PipelineError::Request`] without a hint.
@@ -110,6 +128,21 @@ impl PipelineError {
     pub fn request_hint(problem: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::Request { problem: problem.into(), hint: Some(hint.into()) }
     }
+}
+
+/// For a file that does not exist, the files beside it that may be meant.
+fn files_there(path: &Path) -> Option<String> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let name = path.file_name()?.to_string_lossy();
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return Some(format!("there is no folder {}", folder.display()));
+    };
+    let of_kind = |p: &PathBuf| p.extension() == path.extension();
+    let there = entries.flatten().map(|e| e.path()).filter(of_kind);
+    let names: Vec<String> = there.filter_map(|p| Some(p.file_name()?.to_string_lossy().into_owned())).collect();
+    let known: Vec<&str> = names.iter().map(String::as_str).collect();
+    let near: Vec<String> = nearest::nearest(&name, &known).iter().map(|n| format!("`{n}`")).collect();
+    (!near.is_empty()).then(|| format!("the folder {} holds {}", folder.display(), near.join(" and ")))
 }
 
 /// Why one stage failed for one trial: one line for people, and a hint.

@@ -14,6 +14,7 @@ pub mod key;
 pub mod limits;
 pub mod lock;
 pub mod manifest;
+pub mod nearest;
 pub mod qc;
 pub mod seal;
 pub mod sharing;

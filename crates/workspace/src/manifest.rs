@@ -154,7 +154,7 @@ pub(crate) fn examine(place: &Path) -> Vec<String> {
     let manifest: Manifest = match seal::read(&place.join(MANIFEST)) {
         Ok(manifest) => manifest,
         Err(PipelineError::Damaged { problem, .. }) => return vec![format!("{MANIFEST}: {problem}")],
-        Err(PipelineError::Io { source, .. }) => return vec![format!("{MANIFEST}: {source}")],
+        Err(PipelineError::Io { problem, .. }) => return vec![format!("{MANIFEST}: {problem}")],
         Err(e) => return vec![format!("{MANIFEST}: {e}")],
     };
     let mut problems = Vec::new();

@@ -88,7 +88,7 @@ pub fn draft(folder: &Path) -> Result<Draft, PipelineError> {
 /// The same with given sets as the labels that are known.
 pub(super) fn draft_with(folder: &Path, sets: &[MarkerSet]) -> Result<Draft, PipelineError> {
     if !folder.is_dir() {
-        return Err(PipelineError::request(format!("{} is not a folder", folder.display())));
+        return Err(PipelineError::no_folder(&folder.display().to_string()));
     }
     let mut files = recordings_below(folder)?;
     let still = |stem: &str| ["static", "cal", "tpose", "t-pose", "neutral"].iter().any(|w| stem.contains(w));
