@@ -91,8 +91,8 @@ impl Scene {
     }
 
     /// Places on the target's link from which a search for that of a mass starts, in its frame, m:
-    /// its centre of mass, its joint, and the place opposite to the joint; places that are nearly the
-    /// same once. A mass near the joint looks like a negative one at the far end if the search
+    /// its centre of mass, its joint, and the place opposite to the joint; places that are nearly
+    /// the same once. A mass near the joint looks like a negative one at the far end if the search
     /// starts in the middle only.
     pub fn places_on(&self, target: Target) -> Vec<Vector3<f64>> {
         /// Distance up to which two places are the same start, m.

@@ -221,7 +221,7 @@ mod tests {
         assert_eq!(
             found,
             [
-                "lab/x.c3d: the file is empty (x)",
+                "lab/x.c3d: the file is empty; hint: leave it out (x)",
                 "61 gaps too long to fill in 3 markers: LASI, RASI, SACR (2 of 4 trials: walk, jump)",
                 "plate 1: ZERO 1 to 10 is not used; the like in the others (2 of 4 trials: jump, hop)",
                 "vertical by gravity (2 of 4 trials: jump, hop)",
