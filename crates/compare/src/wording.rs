@@ -155,7 +155,7 @@ pub(crate) fn describe(model: &ModelComparison, floor: Option<&NoiseFloor>, agai
     }
     if let Some(segment) = model.segments.first().filter(|s| !noise && s.inertia_share > LARGE_SHARE) {
         out.push(format!(
-            "An error of the mass or inertia of {} alone would look like {:.0} % of the mean square error; a missing force can look the same.",
+            "An error of the mass or inertia of {} alone would explain {:.0} % of the mean square error; a missing force can look the same.",
             segment.link,
             100.0 * segment.inertia_share
         ));

@@ -157,7 +157,7 @@ fn the_true_model_has_no_error_and_a_wrong_one_shows_where() {
     for group in c.first.breakdown.iter().filter(|g| g.by == GroupedBy::Speed) {
         assert!(group.errors.frames >= 2 * (N - 20) / 4 - 2);
     }
-    assert!(c.words.iter().any(|w| w.contains("A change of arm alone")), "{:#?}", c.words);
+    assert!(c.words.iter().any(|w| w.contains("An error of the mass or inertia of arm alone")), "{:#?}", c.words);
     for (f, w) in series[0].measured.iter().enumerate() {
         assert!((w - series[0].predicted[1][f]).amax() < 1e-9);
     }
