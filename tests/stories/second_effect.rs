@@ -114,8 +114,8 @@ fn a_load_in_some_jumps_is_found_with_the_link_that_carries_it() {
     }
 }
 
-/// A rotation of a plate lowered the error of the rows to 79 %; each of its angles could be zero, and
-/// all stages computed a larger error with it.
+/// A rotation of a plate lowered the error of the rows to 79 %; each of its angles could be zero,
+/// and all stages computed a larger error with it.
 #[test]
 fn an_effect_that_all_stages_do_not_confirm_is_not_named() {
     let found = discovered_on("human_nothing_soft", "human");
