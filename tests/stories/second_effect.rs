@@ -89,8 +89,8 @@ fn links_of(load: &Value) -> Vec<&str> {
     std::iter::once(stated).chain(names(&load["also_on"])).collect()
 }
 
-/// Loads on one link in some jumps: their trials, a link that has to be among those named, and their
-/// mass, kg.
+/// Loads on one link in some jumps: their trials, a link that has to be among those named, and
+/// their mass, kg.
 #[test]
 fn a_load_in_some_jumps_is_found_with_the_link_that_carries_it() {
     for (scenario, trials, link, kg) in [

@@ -129,7 +129,10 @@ mod tests {
             by_parameters: None,
         };
         let words = not_confirmed("turned[plate2]", Domain::Contact, of(5.13), of(7.53)).unwrap();
-        assert!(words.contains("in contact, and all stages compute 7.53 N with it and 5.13 N without it"), "{words}");
+        assert_eq!(
+            words,
+            "`turned[plate2]` is not named: it lowers the error of rows in contact, and all stages compute 7.53 N with it and 5.13 N without it"
+        );
         assert!(not_confirmed("gain", Domain::Contact, of(5.13), of(5.12)).is_none());
     }
 }
