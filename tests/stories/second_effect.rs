@@ -94,11 +94,12 @@ fn links_of(load: &Value) -> Vec<&str> {
 #[test]
 fn a_load_in_some_jumps_is_found_with_the_link_that_carries_it() {
     for (scenario, trials, link, kg) in [
-        // the mass of each jump on the plates, taken for a mass on the pelvis, put one of the loaded
-        // jumps to the others, because the arms move differently in each jump; nothing was found
+        // the mass of each jump on the plates, taken for a mass on the pelvis, put one of the
+        // loaded jumps to the others, because the arms move differently in each jump; nothing was
+        // found
         ("human_loaded_forearm", [5, 6, 7, 8], "forearm_r", 0.5825),
-        // at its joint: the search for its place started in the middle of the torso and went to the
-        // other end, so that the pelvis was stated as the only link
+        // at its joint: the search for its place started in the middle of the torso and went to
+        // the other end, so that the pelvis was stated as the only link
         ("human_loaded_torso", [5, 6, 7, 8], "torso", 5.143),
         // two loads at the hips move nearly as one on the pelvis, which was stated as the only link
         ("human_loaded_thighs", [1, 3, 5, 7], "thigh_l and thigh_r", 2.0 * 1.5546),
