@@ -24,8 +24,30 @@ def results(workspace: Path) -> dict[str, dict]:
         key = path.parent.relative_to(workspace).as_posix()
         if not key.startswith("merge/"):
             out[key] = json.loads(path.read_text())
-            del out[key]["seconds"]
+            del out[key]["seconds"], out[key]["check"]
     return out
+
+
+def contents(workspace: Path) -> dict[str, bytes | dict]:
+    """Every file of a workspace; of manifests what they hold but for the seconds and the hash over them. Left out is what only one kind of
+    run makes: nodes of the merge tree, marks of jobs, the list of the recordings' hashes."""
+    out = {}
+    for path in workspace.rglob("*"):
+        key = path.relative_to(workspace)
+        if not path.is_file() or key.name == "inputs.json" or any(p == "merge" or p.startswith(".") for p in key.parts):
+            continue
+        out[key.as_posix()] = path.read_bytes()
+        if key.name == "manifest.json":
+            out[key.as_posix()] = json.loads(path.read_text())
+            for own in ("seconds", "check"):
+                del out[key.as_posix()][own]
+    return out
+
+
+def unlike(one: Path, other: Path) -> tuple[list[str], int]:
+    """Files in which two workspaces differ or that only one of them has, and the number of all files."""
+    a, b = contents(one), contents(other)
+    return sorted(k for k in a.keys() | b.keys() if a.get(k) != b.get(k)), len(a.keys() | b.keys())
 
 
 def main() -> int:

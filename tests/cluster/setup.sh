@@ -3,5 +3,5 @@
 set -euo pipefail
 cd "$(dirname "$0")"
 python3 -m venv .venv
-.venv/bin/pip install -q snakemake==9.27.1 snakemake-executor-plugin-slurm==2.8.0
+.venv/bin/pip install -q -r requirements.txt snakemake-executor-plugin-slurm==2.8.0
 .venv/bin/snakemake --version

@@ -2,6 +2,7 @@
 //! tree; the numbers equal those of a single run.
 
 use crate::support::{aloft, expect, folder, repo};
+use std::collections::BTreeSet;
 use std::fs;
 
 const RESULTS: [&str; 3] = [
@@ -96,6 +97,9 @@ fn jobs_side_by_side_give_the_numbers_of_one_run() {
 
     let (_, err) = call("workflow", "shared", &["--verdict"], 1);
     assert!(err.contains("failed: import throws_04") && err.contains("1 failed or missing"), "{err}");
+    let table = |ws: &str| fs::read_to_string(dir.path().join(ws).join("summary.csv")).unwrap();
+    // commands in the table name the workspace
+    assert_eq!(table("local").replace(&place("local"), ""), table("shared").replace(&place("shared"), ""));
     let file = place("Snakefile");
     call("workflow", "shared", &["--out", &file], 0);
     let text = fs::read_to_string(&file).unwrap();
@@ -110,6 +114,39 @@ fn jobs_side_by_side_give_the_numbers_of_one_run() {
     fs::write(&file, "all: thesis.pdf\n").unwrap();
     call("workflow", "shared", &["--out", &file], 2);
     assert_eq!(fs::read_to_string(&file).unwrap(), "all: thesis.pdf\n");
+}
+
+/// Words that follow `mark` in a text.
+fn words_after(text: &str, mark: &str) -> BTreeSet<String> {
+    let word = |rest: &str| rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
+    text.split(mark).skip(1).map(word).collect()
+}
+
+#[test]
+fn regress_functions_of_the_snakefile_ask_only_for_wildcards_of_its_paths() {
+    let dir = folder();
+    let file = dir.path().join("Snakefile").display().to_string();
+    expect(
+        &["workflow", &repo("pipelines/demo.yaml"), "--workspace", &file.replace("Snakefile", "ws"), "--out", &file],
+        0,
+    );
+    let text = fs::read_to_string(&file).unwrap();
+    let rules: Vec<&str> = text.split("\nrule ").skip(1).collect();
+    assert!(rules.len() > 10, "{text}");
+    let constrained = words_after(text.split("wildcard_constraints:").nth(1).unwrap(), "\n    ");
+    let asked = words_after(&text, " w.").into_iter().chain(words_after(&text, "[w.")).chain(words_after(&text, "{w."));
+    for name in asked.chain(words_after(&text, "{wildcards.")) {
+        assert!(constrained.contains(&name), "`{name}` is no wildcard: {constrained:?}");
+    }
+    for rule in rules {
+        let output = rule.split("output:").nth(1).and_then(|o| o.lines().nth(1)).unwrap();
+        // what the functions of a rule ask for is in the path of its output
+        let own: BTreeSet<String> = words_after(output, "{").into_iter().collect();
+        for name in words_after(rule, "[w.").iter().chain(&words_after(rule, "{wildcards.")) {
+            assert!(own.contains(name), "`{name}` is not in {output}");
+        }
+        assert!(own.iter().all(|name| constrained.contains(name)), "{output}");
+    }
 }
 
 #[test]

@@ -162,8 +162,8 @@ fn inputs(stage: &Stage) -> Vec<String> {
     for need in stage.needs {
         match need {
             Need::Recording => out.push("recordings".to_owned()),
-            Need::Same(name) => out.push(format!("MARKS + \"/{{session}}/{name}/{{trial}}.done\"")),
-            Need::Once(name) => out.push(format!("MARKS + \"/{{session}}/{name}/_study.done\"")),
+            Need::Same(name) => out.push(format!("MARKS + \"/{{study}}/{name}/{{trial}}.done\"")),
+            Need::Once(name) => out.push(format!("MARKS + \"/{{study}}/{name}/_study.done\"")),
             // the inputs of the root of the merge tree need not be listed one by one
             Need::Merged(..) => {
                 if !out.iter().any(|o| o == "root_of_merges") {
@@ -192,8 +192,8 @@ fn rule(stage: &Stage) -> String {
     for input in inputs(stage) {
         let _ = writeln!(out, "        {input},");
     }
-    let _ = writeln!(out, "    output:\n        touch(MARKS + \"/{{session}}/{}/{trial}.done\"),", stage.name);
-    let _ = writeln!(out, "    log:\n        MARKS + \"/{{session}}/{}/{trial}.log\",", stage.name);
+    let _ = writeln!(out, "    output:\n        touch(MARKS + \"/{{study}}/{}/{trial}.done\"),", stage.name);
+    let _ = writeln!(out, "    log:\n        MARKS + \"/{{study}}/{}/{trial}.log\",", stage.name);
     let _ = writeln!(out, "    params:");
     let _ = writeln!(out, "        words=lambda w: STUDIES[w.study][\"words\"],");
     if !whole {
@@ -381,9 +381,9 @@ const MERGE_RULE: &str = r#"rule merge:
     input:
         merge_node,
     output:
-        touch(MARKS + "/{session}/merge/{level}-{index}.done"),
+        touch(MARKS + "/{study}/merge/{level}-{index}.done"),
     log:
-        MARKS + "/{session}/merge/{level}-{index}.log",
+        MARKS + "/{study}/merge/{level}-{index}.log",
     params:
         words=lambda w: STUDIES[w.study]["words"],
         seen=lambda w: [STUDIES[w.study]["seen"][s] for s in PLAN["read_merged"]],

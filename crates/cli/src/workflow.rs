@@ -3,9 +3,10 @@
 use crate::Success;
 use crate::args::PipelineArgs;
 use crate::each::broken;
-use crate::open::open_all;
+use crate::open::{description_of, open_all};
 use crate::render::{command, note};
 use crate::stop::Stop;
+use aloft_analysis::summary;
 use aloft_analysis::workflow::{Call, Member, plan_path, verdict, write};
 use aloft_study::data_set::DataSet;
 use aloft_study::quote;
@@ -32,7 +33,7 @@ pub fn run(args: &PipelineArgs, out: &Path, say: bool) -> Result<Success, Stop> 
     let set = open_all(args)?;
     let cannot = broken(&set);
     if say {
-        return judge(&set, cannot);
+        return judge(&set, args, cannot);
     }
     let members: Vec<Member<'_>> = set.members.iter().map(|session| Member { session }).collect();
     let call = Call {
@@ -47,8 +48,9 @@ pub fn run(args: &PipelineArgs, out: &Path, say: bool) -> Result<Success, Stop> 
     Ok(if cannot { Success::Partial } else { Success::Full })
 }
 
-/// Reports which results a finished workflow lacks.
-fn judge(set: &DataSet, cannot: bool) -> Result<Success, Stop> {
+/// Reports which results a finished workflow lacks, and writes the summary that every run writes:
+/// the jobs did not, because they would have overwritten each other's.
+fn judge(set: &DataSet, args: &PipelineArgs, cannot: bool) -> Result<Success, Stop> {
     let (mut first, mut behind) = (0, 0);
     for session in &set.members {
         let lacking = verdict(session)?;
@@ -63,6 +65,7 @@ fn judge(set: &DataSet, cannot: bool) -> Result<Success, Stop> {
         first += here;
         behind += lacking.len() - here;
     }
+    summary::summary(set, &description_of(args))?.write(&set.workspace)?;
     if first + behind == 0 && !cannot {
         note("all results are present and up to date");
         return Ok(Success::Full);
