@@ -5,6 +5,7 @@ use crate::json_contract;
 use crate::source::{self, Item, Items, markdown, module_doc, snake};
 use crate::{AGAIN, aloft, docs, root, updating};
 use aloft_analysis::unknowns::{self, Examples, unit};
+use aloft_compare::{Grade, Reserve, Signal};
 use aloft_effects::{ActsIn, EFFECTS, EffectKind, Target};
 use aloft_pipeline::graph::{Need, Scope};
 use aloft_pipeline::stages::STAGES;
@@ -33,6 +34,7 @@ pub fn pages() -> Pages {
     effects(&mut pages);
     formats(&mut pages);
     pages.insert("reference/quality.md".into(), quality());
+    pages.insert("reference/grades.md".into(), grades());
     pages.insert("reference/messages.md".into(), messages());
     pages.insert("reference/json.md".into(), json_contract::page());
     pages.insert("findings/README.md".into(), findings());
@@ -376,6 +378,30 @@ fn words_of(text: &str, variant: &str) -> String {
     (out + rest).replace("{}", "{…}")
 }
 
+fn grades() -> String {
+    let mut out = from("crates/compare/src/grade.rs");
+    out += "# Grades\n\nA held-out error is graded by its ratio to the [noise floor](../mathematics/noise-floor.md), never by newtons. Every command, the report, the studio, exports and `--json` (`grade`, `judged`) \
+        show the same grade of the same error, and the same colour.\n\n| grade | `--json` | colour | when | what to do |\n|---|---|---|---|---|\n";
+    let name = |variant: &dyn Fn() -> serde_json::Value| variant().as_str().unwrap().to_owned();
+    for g in Grade::ALL {
+        let colour = match g.signal() {
+            Signal::Unknown => "none",
+            Signal::Good => "green",
+            Signal::Fair => "yellow",
+            Signal::Poor => "red",
+        };
+        let key = name(&|| serde_json::json!(g));
+        let _ = writeln!(out, "| {} | `{key}` | {colour} | {} | {} |", g.word(), g.meaning(), g.advice());
+    }
+    out += "\nThe floor of single recordings has no interval; their errors are *good*, *fair* or *poor* by the ratio. Few recordings make the interval wide: *at the floor* then says little.\n\n\
+        A grade can be worse than the ratio. The reason follows the word after a colon (`because` in `--json`):\n\n| reason | `--json` | meaning |\n|---|---|---|\n";
+    for r in Reserve::ALL {
+        let key = name(&|| serde_json::json!(r));
+        let _ = writeln!(out, "| {} | `{key}` | {} |", r.words(), r.meaning());
+    }
+    out
+}
+
 fn messages() -> String {
     let mut out = from("the error types of all crates");
     out += "# Messages\n\nEvery error that the crates can give, with placeholders in braces. A message of a failed trial stands on one line: `failed: STAGE TRIAL: message`, then a hint and the command that repeats just that. What to do in common cases: [Troubleshooting](../troubleshooting.md).\n";
@@ -491,4 +517,5 @@ fn every_stage_effect_and_format_has_its_page() {
     assert!(pages["reference/pipeline.md"].contains("| `cutoff_hz` |"));
     assert!(pages["reference/messages.md"].matches("\n| `").count() > 50);
     assert!(pages["reference/quality.md"].contains("`missing_marker`"));
+    assert!(pages["reference/grades.md"].contains("| fair | `fair` | yellow |"));
 }

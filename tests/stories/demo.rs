@@ -69,7 +69,7 @@ fn the_demonstration_goes_from_recordings_to_a_report() {
     check_page(&html, &chapters);
     for told in [
         "Held-out error by model revision",
-        "at the noise floor",
+        "<b class=\"word good\">at the floor</b>",
         "quadratic_drag",
         "Choosing the filter",
         "Location of the error",

@@ -252,8 +252,7 @@ fn two_subjects_of_a_study_stand_side_by_side_as_in_its_report() {
         let compared = json(&[&["compare"], &words[..], &["--subject", subject, "--json"]].concat());
         let (out, _) = expect(&[&["compare"], &words[..], &["--subject", subject]].concat(), 0);
         let error = &compared["studies"][0]["result"]["errors"][0];
-        let signal = error["signal"].as_str().unwrap();
-        let word = if error["at_floor"] == true && signal == "good" { "at the floor" } else { signal };
+        let word = error["judged"].as_str().unwrap();
         assert!(out.contains(word), "{out}");
         let (_, row) = page.split_once(&format!("<a href=\"{subject}&#x2f;report.html\">")).unwrap();
         let (row, _) = row.split_once("</tr>").unwrap();

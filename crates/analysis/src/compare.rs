@@ -1,6 +1,6 @@
 //! `compare`: model against measurement, read from the results of the stage `compare`.
 
-use crate::held_out::{HeldOutError, weight_n};
+use crate::held_out::{HeldOutError, best_grades, weight_n};
 use crate::impulse_mass::{ImpulseMassView, impulse_mass};
 use crate::kinematics::{KinematicsRow, failed_stage, kinematics};
 use crate::to_correct::{ToCorrect, of_static, to_correct};
@@ -328,17 +328,15 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
         ));
     }
     let impulse_mass = impulse_mass(session, &ws);
-    let mut errors: Vec<HeldOutError> =
-        comparison.against_floor.iter().map(|a| HeldOutError::of(a, &comparison.beside, weight, gate_passed)).collect();
     let rows_of_trials = kinematics(session, &ws);
     // without the whole body only the labels of the static trial can be judged
     let to_correct = match limits.is_empty() {
         true => to_correct(session, &ws, &comparison, &rows_of_trials, impulse_mass.as_ref(), weight),
         false => of_static(&ws),
     };
-    if to_correct.as_ref().is_some_and(|c| c.void) {
-        errors.iter_mut().for_each(HeldOutError::distrust);
-    }
+    let best = best_grades(gate_passed, to_correct.as_ref());
+    let against = comparison.against_floor.iter().map(|a| HeldOutError::of(a, &comparison.beside, weight));
+    let errors: Vec<HeldOutError> = against.map(|e| e.at_best(&best)).collect();
     Ok(ComparisonView {
         version: 1,
         subject: session.facts.person.name.clone(),

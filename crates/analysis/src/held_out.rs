@@ -2,18 +2,17 @@
 //! of motion. `run`, `compare`, `discover`, `history`, the report, exports and all JSON take it
 //! from here.
 
-use aloft_compare::{AgainstFloor, ModelComparison, POOR_TIMES_FLOOR, Signal};
+use crate::to_correct::ToCorrect;
+use aloft_compare::{AgainstFloor, Grade, Graded, ModelComparison, Reserve, Signal};
+use aloft_regressor::limits;
 use aloft_regressor::weak_windows::force_scale_n;
 use aloft_study::revision::Judged;
 use aloft_study::subject_session::SubjectSession;
 use serde::{Deserialize, Serialize};
 
-/// Judgement of an error near its floor that is not trusted: the plates weigh the body at another
-/// mass than the stated one, and every error in newtons scales with the mass.
-const DISTRUSTED: &str = "poor: correct first";
-
 /// Held-out error over weak windows of one kind of motion, beside the noise floor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Numbers")]
 pub struct HeldOutError {
     /// `flight` or `contact`.
     pub judged_on: String,
@@ -38,18 +37,71 @@ pub struct HeldOutError {
     pub times_floor: Option<f64>,
     /// True if the held-out error is not above the interval of the noise floor.
     pub at_floor: Option<bool>,
-    /// Judgement by the ratio to the floor; at best `fair` where the gate did not pass.
+    /// Grade of the error beside its floor.
+    pub grade: Grade,
+    /// Why the grade is worse than the ratio to the floor alone; none if it is not.
+    pub because: Option<Reserve>,
+    /// The grade in words, as every surface shows it: `at the floor`, `fair: from tables`.
+    pub judged: String,
+    /// Colour of the grade: `good` for green, `fair` for yellow, `poor` for red.
     pub signal: Signal,
 }
 
+/// The numbers of an error, as they are computed and as they are stored. The ratio to the floor and
+/// the grade follow from them, so that a stored grade cannot contradict them.
+#[derive(Deserialize)]
+struct Numbers {
+    judged_on: String,
+    held_out_error: f64,
+    held_out_error_of_weight: Option<f64>,
+    held_out_force_n: Option<f64>,
+    held_out_moment_nm: Option<f64>,
+    tables_error: Option<f64>,
+    windows: usize,
+    noise_floor: Option<f64>,
+    noise_floor_ci95: Option<[f64; 2]>,
+    /// The grade that was stored, where something made it worse than the numbers.
+    #[serde(default)]
+    grade: Option<Grade>,
+    #[serde(default)]
+    because: Option<Reserve>,
+}
+
+impl From<Numbers> for HeldOutError {
+    fn from(n: Numbers) -> Self {
+        let (error, ci95) = (n.held_out_error, n.noise_floor_ci95);
+        let plain = Grade::of(error, n.noise_floor, ci95).plain();
+        let worse = n.because.zip(n.grade).filter(|(_, grade)| *grade > plain.grade);
+        let mut out = Self {
+            judged_on: n.judged_on,
+            held_out_error: error,
+            held_out_error_of_weight: n.held_out_error_of_weight,
+            held_out_force_n: n.held_out_force_n,
+            held_out_moment_nm: n.held_out_moment_nm,
+            tables_error: n.tables_error,
+            windows: n.windows,
+            noise_floor: n.noise_floor,
+            noise_floor_ci95: ci95,
+            times_floor: n.noise_floor.and_then(|f| limits::times_floor(error, f, ci95)),
+            at_floor: n.noise_floor.and_then(|f| limits::at_floor(error, f, ci95)),
+            grade: plain.grade,
+            because: None,
+            judged: String::new(),
+            signal: plain.signal(),
+        };
+        out.graded_as(worse.map_or(plain, |(because, grade)| Graded { grade, because: Some(because) }));
+        out
+    }
+}
+
 impl HeldOutError {
-    /// From a comparison; `gate` tells whether the parameters passed their gate.
-    pub(crate) fn of(a: &AgainstFloor, beside: &[ModelComparison], weight_n: f64, gate: bool) -> Self {
+    /// From a comparison.
+    pub(crate) fn of(a: &AgainstFloor, beside: &[ModelComparison], weight_n: f64) -> Self {
         let tables = beside.iter().find(|m| m.model == "prior").map(|m| match a.judged_on.as_str() {
             "contact" => &m.held_out_weak,
             _ => &m.flight_weak,
         });
-        Self {
+        Self::from(Numbers {
             judged_on: a.judged_on.clone(),
             held_out_error: a.held_out_error,
             held_out_error_of_weight: share(a.held_out_error, weight_n),
@@ -59,32 +111,14 @@ impl HeldOutError {
             windows: a.windows,
             noise_floor: a.floor.map(|f| f.noise_floor),
             noise_floor_ci95: a.floor.and_then(|f| f.ci95),
-            times_floor: a.times_floor,
-            at_floor: a.at_floor,
-            signal: a.signal().behind_gate(gate),
-        }
-    }
-
-    /// The judgement in words, as every surface prints it: `at the floor`, `fair`, `poor`. An error
-    /// that is poor only because of what it rests on says so; so does one that a perfect model
-    /// would hardly reach.
-    pub fn judged(&self) -> &'static str {
-        if self.signal == Signal::Good && self.noise_floor_ci95.is_some_and(|ci| self.held_out_error < ci[0]) {
-            return "below the floor";
-        }
-        let near = self.times_floor.is_some_and(|times| times < POOR_TIMES_FLOOR);
-        if near && self.signal == Signal::Poor { DISTRUSTED } else { self.signal.in_words(self.at_floor) }
-    }
-
-    /// Judges the error as poor: something that it rests on is known to be wrong.
-    pub(crate) fn distrust(&mut self) {
-        self.signal = Signal::Poor;
-        self.at_floor = self.at_floor.map(|_| false);
+            grade: None,
+            because: None,
+        })
     }
 
     /// From what a revision of the model reached.
     pub(crate) fn of_revision(judged_on: &str, j: &Judged, weight_n: f64) -> Self {
-        Self {
+        Self::from(Numbers {
             judged_on: judged_on.to_owned(),
             held_out_error: j.error_n,
             held_out_error_of_weight: share(j.error_n, weight_n),
@@ -94,11 +128,43 @@ impl HeldOutError {
             windows: j.windows,
             noise_floor: j.noise_n,
             noise_floor_ci95: j.noise_ci95,
-            times_floor: j.times_floor(),
-            at_floor: j.at_floor(),
-            signal: Signal::of(j.times_floor(), j.at_floor()).behind_gate(j.gate_passed.unwrap_or(true)),
-        }
+            grade: None,
+            because: None,
+        })
+        .at_best(&best_grades(j.gate_passed.unwrap_or(true), None))
     }
+
+    /// Grade, and why it is worse than the ratio alone.
+    pub fn graded(&self) -> Graded {
+        Graded { grade: self.grade, because: self.because }
+    }
+
+    fn graded_as(&mut self, graded: Graded) {
+        self.grade = graded.grade;
+        self.because = graded.because;
+        self.judged = graded.words();
+        self.signal = graded.signal();
+        // an error that rests on something wrong is at no floor
+        self.at_floor = self.at_floor.map(|at| at && graded != Graded::VOID);
+    }
+
+    /// The error with a grade no better than these.
+    pub(crate) fn at_best(mut self, best: &[Graded]) -> Self {
+        self.graded_as(best.iter().fold(self.graded(), |now, best| now.at_best(*best)));
+        self
+    }
+}
+
+/// The best grades that errors may have: behind the gate of the identification, and where something
+/// is to be corrected before.
+pub(crate) fn best_grades(gate_passed: bool, to_correct: Option<&ToCorrect>) -> Vec<Graded> {
+    let gate = (!gate_passed).then_some(Graded::FROM_TABLES);
+    let correct = to_correct.and_then(|c| match (c.void, c.first) {
+        (true, _) => Some(Graded::VOID),
+        (false, true) => Some(Graded::CORRECT_FIRST),
+        (false, false) => None,
+    });
+    gate.into_iter().chain(correct).collect()
 }
 
 fn share(error_n: f64, weight_n: f64) -> Option<f64> {
@@ -114,11 +180,10 @@ pub fn weight_n(session: &SubjectSession) -> f64 {
 mod tests {
     use super::*;
 
-    #[test]
-    fn an_error_near_its_floor_that_is_not_trusted_says_why() {
-        let mut error = HeldOutError {
+    fn near_its_floor(held_out_error: f64) -> HeldOutError {
+        HeldOutError::from(Numbers {
             judged_on: "flight".to_owned(),
-            held_out_error: 5.8,
+            held_out_error,
             held_out_error_of_weight: None,
             held_out_force_n: None,
             held_out_moment_nm: None,
@@ -126,14 +191,39 @@ mod tests {
             windows: 20,
             noise_floor: Some(5.7),
             noise_floor_ci95: Some([4.5, 7.3]),
-            times_floor: Some(1.0),
-            at_floor: Some(true),
-            signal: Signal::Good,
+            grade: None,
+            because: None,
+        })
+    }
+
+    #[test]
+    fn an_error_near_its_floor_that_is_not_trusted_says_why() {
+        let judged = |error: f64, gate, first, void| {
+            let c = ToCorrect { words: String::new(), first, void, offered: false };
+            let e = near_its_floor(error).at_best(&best_grades(gate, Some(&c)));
+            (e.judged, e.at_floor)
         };
-        assert_eq!(error.judged(), "at the floor");
-        error.distrust();
-        assert_eq!(error.judged(), "poor: correct first");
-        error.times_floor = Some(96.0);
-        assert_eq!(error.judged(), "poor");
+        assert_eq!(judged(5.8, true, false, false), ("at the floor".to_owned(), Some(true)));
+        assert_eq!(judged(5.8, false, false, false), ("fair: from tables".to_owned(), Some(true)));
+        assert_eq!(judged(5.8, true, true, false), ("fair: correct first".to_owned(), Some(true)));
+        assert_eq!(judged(5.8, true, true, true), ("poor: correct first".to_owned(), Some(false)));
+        assert_eq!(judged(5.8, false, true, true), ("poor: correct first".to_owned(), Some(false)));
+        assert_eq!(judged(580.0, false, true, true), ("poor".to_owned(), Some(false)));
+    }
+
+    /// Answers of `discover` keep errors: also those that an older program wrote, without a grade.
+    #[test]
+    fn a_stored_error_has_the_grade_of_its_numbers() {
+        for error in [3.0, 5.8, 8.0, 12.0, 40.0] {
+            for best in [&[][..], &[Graded::FROM_TABLES], &[Graded::CORRECT_FIRST], &[Graded::VOID]] {
+                let own = near_its_floor(error).at_best(best);
+                let mut stored = serde_json::to_value(&own).unwrap();
+                assert_eq!(serde_json::from_value::<HeldOutError>(stored.clone()).unwrap(), own);
+                for key in ["grade", "because", "judged", "signal"] {
+                    stored.as_object_mut().unwrap().remove(key);
+                }
+                assert_eq!(serde_json::from_value::<HeldOutError>(stored).unwrap(), near_its_floor(error));
+            }
+        }
     }
 }

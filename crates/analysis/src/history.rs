@@ -1,7 +1,7 @@
 //! `history`: the revisions of a model, and what each of them reached.
 
 use crate::compare::{ComparisonView, JudgedOn, compare};
-use crate::held_out::{HeldOutError, weight_n};
+use crate::held_out::{HeldOutError, best_grades, weight_n};
 use crate::scene::{held, of_coefficients};
 use aloft_compare::{POOR_TIMES_FLOOR, significant};
 use aloft_effects::ActsIn;
@@ -173,9 +173,10 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
             .into_iter()
             .map(|(name, value, unit)| HeldValue { name, value, unit })
             .collect();
-        if compare(session).is_ok_and(|view| view.to_correct.is_some_and(|c| c.void)) {
-            last.errors.iter_mut().for_each(HeldOutError::distrust);
-            last.at_floor = last.at_floor.map(|_| false);
+        if let Some(c) = compare(session).ok().and_then(|view| view.to_correct) {
+            let best = best_grades(true, Some(&c));
+            last.errors = std::mem::take(&mut last.errors).into_iter().map(|e| e.at_best(&best)).collect();
+            last.at_floor = last.at_floor.map(|at| at && !c.void);
         }
     }
     Ok(History { version: 1, subject: session.facts.person.name.clone(), revisions: rows })

@@ -190,15 +190,16 @@ fn identification(session: &SubjectSession, ws: &Workspace) -> Result<String, Pi
                 figure(e.held_out_error),
                 parts.join("; ")
             ));
-            match (e.noise_floor, e.times_floor) {
-                (Some(floor), Some(times)) => t.push_str(&format!(
-                    ", {} times the noise floor of {}{}.",
-                    aloft_compare::significant(times, 2),
-                    aloft_compare::floor_in_words(floor, e.noise_floor_ci95),
-                    if e.at_floor == Some(true) { ", which is at the floor" } else { "" }
-                )),
-                _ => t.push('.'),
-            }
+            let Some(floor) = e.noise_floor else {
+                t.push('.');
+                continue;
+            };
+            let floor = aloft_compare::floor_in_words(floor, e.noise_floor_ci95);
+            let ratio = e.times_floor.map_or_else(
+                || format!("; the noise floor is {floor}"),
+                |times| format!(", {} times the noise floor of {floor}", aloft_compare::significant(times, 2)),
+            );
+            t.push_str(&format!("{ratio}: {}.", e.judged));
         }
     }
     Ok(t)

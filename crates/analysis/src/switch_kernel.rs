@@ -11,7 +11,7 @@ use crate::switch_contact::uses_contact;
 use crate::switch_pools::Merged;
 use crate::switch_rows::Judged;
 use crate::switches::{LeftOut, Switch, Switched, Switches};
-use aloft_compare::Floor;
+use aloft_compare::{Floor, Graded};
 use aloft_identify::RotatedRows;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use nalgebra::{DMatrix, DVector};
@@ -76,8 +76,8 @@ pub struct SwitchKernel {
     pub contact_floor: Option<Floor>,
     /// The body's weight, N.
     pub weight_n: f64,
-    /// Whether the parameters passed their gate.
-    pub gate: bool,
+    /// The best grades that errors may have.
+    pub best: Vec<Graded>,
 }
 
 /// How many numbers an upper trapezoid holds.
@@ -188,7 +188,7 @@ impl Switches {
             flight_floor: self.floor.as_ref().and_then(|f| f.flight_floor),
             contact_floor: self.floor.as_ref().and_then(|f| f.contact_floor),
             weight_n: weight_n(&self.session),
-            gate: self.gate,
+            best: self.best.clone(),
         }))
     }
 

@@ -11,14 +11,14 @@
 
 use crate::compare::compare;
 use crate::effect::Asked;
-use crate::held_out::{HeldOutError, weight_n};
+use crate::held_out::{HeldOutError, best_grades, weight_n};
 use crate::promise::with_reference;
 use crate::results::with_results;
 use crate::switch_contact::uses_contact;
 use crate::switch_pools::{Merged, Pool, Pools};
 use crate::switch_rows::{Judged, drop_without_numbers, params_of, rows_of};
 use aloft_body::Subject;
-use aloft_compare::{AgainstFloor, Candidate, NoiseFloor, TrialSeries, size_of_windows};
+use aloft_compare::{AgainstFloor, Candidate, Graded, NoiseFloor, TrialSeries, size_of_windows};
 use aloft_identify::Parameters;
 use aloft_pipeline::stages::compare::{self as stage, ComparedTrial, Floor, HeldOut};
 use aloft_pipeline::stages::identify::{PointEstimate, Predicting};
@@ -162,7 +162,8 @@ pub struct Switches {
     /// Pools without what was left out last, for the next flip.
     other: Mutex<Option<(LeftOut, Arc<Pools>)>>,
     pub(crate) trials: Vec<Judged>,
-    pub(crate) gate: bool,
+    /// The best grades that errors may have.
+    pub(crate) best: Vec<Graded>,
     /// Whether contact takes part in the identification of the present model.
     pub(crate) contact: bool,
     /// Weights of contact of models that use it where the present one does not, by their effects.
@@ -262,7 +263,7 @@ impl Switches {
                 Err(e) => without_switch.push(WithoutSwitch { key, because: e.to_string() }),
             }
         }
-        let comparison = view.comparison;
+        let (comparison, to_correct) = (view.comparison, view.to_correct);
         let contact = session.identifies_from_contact();
         with_results(&session, |made| {
             let parameters = made
@@ -299,7 +300,7 @@ impl Switches {
                 pools: Pools::of(&training.iter().collect::<Vec<_>>(), &predicting, weight, &columns)?,
                 other: Mutex::default(),
                 predicting,
-                gate: parameters.gate.passed,
+                best: best_grades(parameters.gate.passed, to_correct.as_ref()),
                 session: made.session.clone(),
                 subject,
                 parameters,
@@ -394,7 +395,8 @@ impl Switches {
         };
         let weight_n = weight_n(&self.session);
         let errors = [true, false].into_iter().filter_map(place);
-        let errors: Vec<HeldOutError> = errors.map(|a| HeldOutError::of(&a, &[], weight_n, self.gate)).collect();
+        let errors: Vec<HeldOutError> =
+            errors.map(|a| HeldOutError::of(&a, &[], weight_n).at_best(&self.best)).collect();
         if errors.iter().any(|e| e.noise_floor.is_some_and(|floor| e.held_out_error < IMPOSSIBLE * floor)) {
             return Err(PipelineError::request(REPLACED));
         }

@@ -12,9 +12,9 @@ pub fn figure(value: Option<f64>) -> String {
     value.map_or("–".to_owned(), |v| significant(v, 3))
 }
 
-/// Judgement in one or two words: `at the floor`, `fair`, `poor`.
+/// The grade in its words and its colour: `at the floor`, `fair`, `poor`.
 pub fn judgement(e: &HeldOutError) -> Cell {
-    Cell::judged(e.judged(), e.signal)
+    Cell::judged(e.judged.clone(), e.signal)
 }
 
 /// One row for each kind of motion.

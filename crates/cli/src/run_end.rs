@@ -212,7 +212,7 @@ fn several(views: &[(&SubjectSession, ComparisonView)], rows: usize) -> Result<(
         let error = |place: &str| figure(of(place).map(|e| e.held_out_error));
         let floor = |place: &str| figure(of(place).and_then(|e| e.noise_floor));
         let times = |place: &str| of(place).and_then(|e| e.times_floor).map_or("–".to_owned(), |t| significant(t, 2));
-        let judged = view.errors.iter().max_by_key(|e| e.signal).map_or_else(|| Cell::from("–"), judgement);
+        let judged = view.errors.iter().max_by_key(|e| e.grade).map_or_else(|| Cell::from("–"), judgement);
         let name = if session.id.subject.is_some() { session.id.to_string() } else { errors::short(&view.subject) };
         t.add_row([
             Cell::from(visible(&name)),

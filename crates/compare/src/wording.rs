@@ -115,7 +115,7 @@ pub(crate) fn describe(model: &ModelComparison, floor: Option<&NoiseFloor>, agai
     let judged_here = against.iter().find(|a| (a.judged_on == "contact") == contact);
     let noise = judged_here.is_some_and(|a| a.at_floor == Some(true));
     if noise {
-        out.push(format!("The error in {place} is at its noise floor; its distribution is noise."));
+        out.push(format!("The error in {place} is not above its noise floor; its distribution is noise."));
     }
     for place in worst_places(model).into_iter().filter(|_| !noise) {
         let group = model.breakdown.iter().find(|g| word_of(g.by) == Some(place.what.as_str()) && g.name == place.name);

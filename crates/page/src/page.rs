@@ -53,6 +53,8 @@ pub struct Card {
     pub note: String,
     /// Judgement.
     pub light: Light,
+    /// The judgement in its own words; empty for the word of the light.
+    pub word: String,
 }
 
 /// A line of a [`Headline`]: what, and the answer.
@@ -78,6 +80,8 @@ impl Fact {
 pub struct Headline {
     /// Judgement.
     pub light: Light,
+    /// The judgement in its own words; empty for the word of the light.
+    pub word: String,
     /// The sentence.
     pub sentence: String,
     /// Short answers.
@@ -99,6 +103,8 @@ pub enum Block {
         text: String,
         /// Judgement.
         light: Light,
+        /// The judgement in its own words; empty for the word of the light.
+        word: String,
     },
     /// Remarks or sentences, one per line.
     List {
@@ -172,7 +178,11 @@ impl Block {
     }
     /// A remark with its judgement.
     pub fn remark(light: Light, text: impl Into<String>) -> Self {
-        Self::Remark { text: text.into(), light }
+        Self::judged(light, "", text)
+    }
+    /// A remark with its judgement in words of its own.
+    pub fn judged(light: Light, word: impl Into<String>, text: impl Into<String>) -> Self {
+        Self::Remark { text: text.into(), light, word: word.into() }
     }
 }
 
@@ -231,6 +241,8 @@ pub struct Chapter {
     pub group: String,
     /// Judgement, shown in the list.
     pub light: Light,
+    /// The judgement in its own words, for screen readers; empty for the word of the light.
+    pub word: String,
     /// Contents.
     pub sections: Vec<Section>,
 }

@@ -68,20 +68,22 @@ fn nonce(page: &Page) -> String {
 }
 
 /// A judgement: its symbol, and its word if requested (`word`; `sign` where the text beside it is
-/// the word). The symbols differ in shape, so that colour is not needed.
-fn light(name: &str, with_word: &str) -> Value {
+/// the word). The symbols differ in shape, so that colour is not needed. In the list of chapters
+/// screen readers hear `own`, or the word of the light where it is empty.
+fn light(name: &str, with_word: &str, own: Option<&str>) -> Value {
     let word = if with_word != "word" || name == "neutral" {
         String::new()
     } else {
         format!("<b class=\"word {name}\">{name}</b> ")
     };
-    // in a list the word is included for screen readers; in running text a neutral judgement has no
-    // symbol
+    // in running text a neutral judgement has no symbol
+    let escape = |t: &str| t.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");
+    let spoken = escape(own.filter(|w| !w.is_empty()).unwrap_or(name));
     let sign = match (with_word.is_empty(), name) {
         (false, "neutral") => String::new(),
         (true, n) if n != "neutral" => {
             format!(
-                "<svg class=\"light {name}\" role=\"img\" aria-label=\"{name}\"><use href=\"#light-{name}\"/></svg>"
+                "<svg class=\"light {name}\" role=\"img\" aria-label=\"{spoken}\"><use href=\"#light-{name}\"/></svg>"
             )
         }
         _ => format!("<svg class=\"light {name}\" aria-hidden=\"true\"><use href=\"#light-{name}\"/></svg>"),
@@ -166,6 +168,7 @@ mod tests {
             title: format!("Chapter {id}"),
             group: "Study".into(),
             light: Light::Fair,
+            word: String::new(),
             sections: vec![Section::new(format!("{id}-s"), "Section", "What it says.", blocks)],
         }
     }
@@ -285,6 +288,7 @@ mod tests {
     fn the_headline_and_the_ladder_are_text_and_html() {
         let headline = Headline {
             light: Light::Poor,
+            word: "poor: <correct> first".into(),
             sentence: "4.4 times the floor <now>".into(),
             facts: vec![Fact { command: "aloft effect add 'tether[pelvis]'".into(), ..Fact::new("Next", "add it") }],
         };
@@ -294,7 +298,8 @@ mod tests {
         let page = Page { chapters: vec![chapter("a", blocks)], ..Page::default() };
         let html = render(&page).unwrap();
         assert!(
-            html.contains("4.4 times the floor &lt;now&gt;")
+            html.contains("<b class=\"word poor\">poor: &lt;correct&gt; first</b>")
+                && html.contains("4.4 times the floor &lt;now&gt;")
                 && html.contains("aloft effect add &#x27;tether[pelvis]&#x27;")
         );
         assert!(html.contains("class=\"rung") && html.contains("left:24.51%"), "the floor at its place");

@@ -66,7 +66,14 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         Light::Good if !passed => Light::Neutral,
         light => light,
     };
-    Chapter { id: "discovery".into(), title: "What is missing".into(), group: STUDY.into(), light, sections }
+    Chapter {
+        id: "discovery".into(),
+        title: "What is missing".into(),
+        group: STUDY.into(),
+        light,
+        word: String::new(),
+        sections,
+    }
 }
 
 /// Traffic light of a verdict.

@@ -6,8 +6,11 @@ use super::story::Story;
 use super::wording::{anchor, card, count, maybe, number, with_half};
 use super::{STUDY, group_headline, lights};
 use aloft_analysis::compare::{errors_of, mean};
+use aloft_compare::Graded;
 use aloft_discover::Verdict;
-use aloft_page::{Block, Cell, Chapter, Columns, Dots, Figure, HeatMap, Light, Line, Page, Section, Table, Words};
+use aloft_page::{
+    Block, Card, Cell, Chapter, Columns, Dots, Figure, HeatMap, Light, Line, Page, Section, Table, Words,
+};
 use aloft_signal::mean_and_deviation;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
@@ -50,12 +53,12 @@ pub(super) struct Row {
     /// Where the model is worse, in flight or in contact: its error over the floor, and in words.
     pub(super) times_floor: Option<f64>,
     pub(super) worst_error: String,
-    /// Judgement of this error alone, and its word.
-    pub(super) judged: (Light, &'static str),
+    /// Its grade; none where nothing was compared.
+    pub(super) graded: Option<Graded>,
+    /// Light and words of the model, as on the first screen of its own page.
+    pub(super) word: String,
     /// Switches of its page.
     pub(super) switches: String,
-    /// True if a perfect model could have left as much.
-    pub(super) at_floor: bool,
     /// Number of recordings that failed.
     pub(super) lost: usize,
     pub(super) recordings: usize,
@@ -102,6 +105,7 @@ pub fn page(title: &str, members: &[Member<'_>], absent: &[Absent]) -> Result<Pa
         title: "Two subjects".into(),
         group: STUDY.into(),
         light: Light::Neutral,
+        word: String::new(),
         sections: vec![section],
     }));
     chapters.push(recordings(&rows));
@@ -125,9 +129,9 @@ fn row(m: &Member<'_>) -> Row {
         light: Light::Poor,
         times_floor: None,
         worst_error: String::new(),
-        judged: (Light::Neutral, ""),
+        graded: None,
+        word: "no results".to_owned(),
         switches: m.switches.clone(),
-        at_floor: false,
         lost: 0,
         recorded: Light::Poor,
         recordings: m.session.included().count(),
@@ -157,18 +161,17 @@ fn row(m: &Member<'_>) -> Row {
         }
     };
     (out.recorded, out.remarks) = lights::recordings(&story);
-    out.light = place_errors::light(&story);
+    (out.light, out.word) = place_errors::standing(&story);
     out.lost = story.trials.iter().filter(|t| !t.failures.is_empty()).count();
     // the worse of flight and contact, as the table of `run` has it
     let errors = errors_by_place(&story);
     let worse = |a: &&PlaceError, b: &&PlaceError| {
-        a.light().cmp(&b.light()).then(a.ratio.unwrap_or(0.0).total_cmp(&b.ratio.unwrap_or(0.0)))
+        a.graded.grade.cmp(&b.graded.grade).then(a.ratio.unwrap_or(0.0).total_cmp(&b.ratio.unwrap_or(0.0)))
     };
     if let Some(worst) = errors.iter().max_by(worse) {
         out.times_floor = worst.ratio;
-        out.at_floor = errors.iter().all(|s| s.at_floor);
         out.worst_error = format!("{} in {}", worst.times_floor(), worst.place);
-        out.judged = (worst.light(), worst.judged);
+        out.graded = Some(worst.graded);
     }
     if !story.freshness.is_current() {
         out.remarks = format!("not up to date ({}); {}", story.freshness.describe().join("; "), out.remarks);
@@ -194,8 +197,6 @@ fn row(m: &Member<'_>) -> Row {
         let prior = c.beside.iter().find(|m| m.model == "prior").map(errors_of);
         out.force = [Some(mean(&own.0)), prior.map(|p| mean(&p.0))];
         out.moment = [Some(mean(&own.1)), prior.map(|p| mean(&p.1))];
-    } else {
-        out.light = Light::Poor;
     }
     out.verdict = place_errors::asked(&story).map(|d| match d.verdict {
         Verdict::OneOf => (d.verdict, aloft_analysis::verdict::groups(d)),
@@ -249,25 +250,29 @@ fn mean_sd(values: impl Iterator<Item = Option<f64>>) -> String {
     }
 }
 
-/// Judgement of all rows together, and how many have each.
-fn together(rows: &[Row], light: impl Fn(&Row) -> Light) -> (Light, String) {
-    let of = |l: Light| rows.iter().filter(|r| light(r) == l).count();
-    let [good, fair, poor] = [Light::Good, Light::Fair, Light::Poor].map(of);
-    let all = match (fair, poor) {
-        (0, 0) => Light::Good,
-        (_, poor) if 2 * poor > rows.len() => Light::Poor,
+/// Light of all rows together, and how many models have each grade, or why they have none.
+fn together(rows: &[Row]) -> (Light, String) {
+    let of = |l: Light| rows.iter().filter(|r| r.light == l).count();
+    let all = match (of(Light::Good), of(Light::Fair), of(Light::Poor)) {
+        (0, 0, 0) => Light::Neutral,
+        (_, 0, 0) => Light::Good,
+        (_, _, poor) if 2 * poor > rows.len() => Light::Poor,
         _ => Light::Fair,
     };
-    (all, format!("{good} good, {fair} fair, {poor} poor"))
+    let mut words: BTreeMap<(Light, &str), usize> = BTreeMap::new();
+    for r in rows {
+        *words.entry((r.light, &r.word)).or_default() += 1;
+    }
+    let each: Vec<String> = words.iter().map(|((_, word), n)| format!("{n} {word}")).collect();
+    (all, each.join(", "))
 }
 
 fn overview(rows: &[Row], absent: &[Absent], next: &str) -> Chapter {
-    let (light, _) = together(rows, |r| r.light);
-    let (errors, counted) = together(rows, |r| if r.judged.1.is_empty() { r.light } else { r.judged.0 });
+    let (light, counted) = together(rows);
     let trusted = rows.iter().filter(|r| r.trusted == Some(true)).count();
     let flights: usize = rows.iter().filter_map(|r| r.flights).sum();
     let cards = vec![
-        card("Subjects", rows.len().to_string(), counted, errors),
+        Card { word: counted.clone(), ..card("Subjects", rows.len().to_string(), "", light) },
         card(
             "Determined by their motion",
             format!("{trusted} of {}", rows.len()),
@@ -294,7 +299,7 @@ fn overview(rows: &[Row], absent: &[Absent], next: &str) -> Chapter {
             Light::Neutral,
         ),
     ];
-    let mut first: Vec<Block> = vec![group_headline::headline(rows, light, next).into()];
+    let mut first: Vec<Block> = vec![group_headline::headline(rows, (light, &counted), next).into()];
     first.extend(group_headline::floors(rows).map(Block::from));
     let mut blocks = vec![subjects(rows).into(), Block::text(switches(rows)), Block::Cards { cards }];
     let failed = rows.iter().filter_map(|r| Some((r.name.clone(), r.failure.clone()?)));
@@ -311,7 +316,7 @@ fn overview(rows: &[Row], absent: &[Absent], next: &str) -> Chapter {
         Section::new("result", "", "", first),
         Section::new("subjects", "Subjects", "Click a name to open the subject's page.", blocks),
     ];
-    Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
+    Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, word: counted, sections }
 }
 
 /// How many switches of effects the subjects' pages have, or why they have none.
@@ -324,13 +329,10 @@ fn switches(rows: &[Row]) -> String {
     format!("Switches of effects in the subjects' pages: {}.", all.join("; "))
 }
 
-/// The model's error with the judgement that the commands print of it.
+/// The model's error with its grade, or why there is none.
 fn model(r: &Row) -> Cell {
-    if r.judged.1.is_empty() {
-        return Cell::light(r.light, r.worst_error.clone());
-    }
     let gate = if r.trusted == Some(false) { "; too few flights to determine the body" } else { "" };
-    Cell::judged(r.judged.0, r.judged.1, format!("{}{gate}", r.worst_error))
+    Cell::judged(r.light, r.word.clone(), format!("{}{gate}", r.worst_error))
 }
 
 fn subjects(rows: &[Row]) -> Table {
@@ -416,7 +418,14 @@ fn distributions(rows: &[Row]) -> Chapter {
     sections.extend(segments(rows));
     sections.extend(markers(rows));
     sections.extend(effects(rows));
-    Chapter { id: "group".into(), title: "Over the group".into(), group: STUDY.into(), light: Light::Neutral, sections }
+    Chapter {
+        id: "group".into(),
+        title: "Over the group".into(),
+        group: STUDY.into(),
+        light: Light::Neutral,
+        word: String::new(),
+        sections,
+    }
 }
 
 /// Share of each link in the body mass: mean and standard deviation over subjects.
@@ -542,6 +551,7 @@ fn recordings(rows: &[Row]) -> Chapter {
         title: "All recordings".into(),
         group: STUDY.into(),
         light: Light::Neutral,
+        word: String::new(),
         sections,
     }
 }

@@ -4,14 +4,15 @@
 use super::group::Row;
 use super::lights;
 use super::wording::count;
+use aloft_compare::{Grade, Graded, Signal};
 use aloft_discover::Verdict;
 use aloft_page::{Dots, Fact, Figure, Headline, Light, Line, Words};
 use std::collections::BTreeMap;
 
 /// How many models are at their floor, what is missing, what to do next.
-pub(super) fn headline(rows: &[Row], light: Light, next: &str) -> Headline {
+pub(super) fn headline(rows: &[Row], (light, word): (Light, &str), next: &str) -> Headline {
     let known: Vec<f64> = rows.iter().filter_map(|r| r.times_floor).collect();
-    let good = rows.iter().filter(|r| r.at_floor).count();
+    let good = rows.iter().filter(|r| r.graded.is_some_and(Graded::is_at_floor)).count();
     let sentence = if known.is_empty() {
         format!("Of {} no noise floor is known, so no error can be judged.", count(rows.len(), "subject"))
     } else {
@@ -35,8 +36,9 @@ pub(super) fn headline(rows: &[Row], light: Light, next: &str) -> Headline {
         .max_by(|a, b| a.times_floor.unwrap_or(0.0).total_cmp(&b.times_floor.unwrap_or(0.0)));
     facts.extend(
         worst
-            .filter(|w| !w.at_floor)
-            .map(|w| Fact::new("Where", format!("Most for {}: {}, {}.", w.name, w.worst_error, w.judged.1))),
+            .into_iter()
+            .filter_map(|w| Some((w, w.graded.filter(|g| !g.is_at_floor())?)))
+            .map(|(w, g)| Fact::new("Where", format!("Most for {}: {}, {}.", w.name, w.worst_error, g.words()))),
     );
     let mut named: BTreeMap<String, usize> = BTreeMap::new();
     for (verdict, effects) in rows.iter().filter_map(|r| r.verdict.as_ref()) {
@@ -70,7 +72,7 @@ pub(super) fn headline(rows: &[Row], light: Light, next: &str) -> Headline {
         let text = if asked == 0 { "Run `discover`." } else { "Run `discover` for the others." };
         facts.push(Fact { command: next.to_owned(), ..Fact::new("Next", text) });
     }
-    Headline { light, sentence, facts }
+    Headline { light, word: word.to_owned(), sentence, facts }
 }
 
 /// Error of each subject's model in multiples of its floor.
@@ -80,14 +82,21 @@ pub(super) fn floors(rows: &[Row]) -> Option<Figure> {
         return None;
     }
     let names: Vec<String> = known.iter().map(|r| r.name.clone()).collect();
-    let of = |l: Light, name: &str| {
-        let values = known.iter().map(|r| if r.judged.0 == l { r.times_floor.unwrap_or(f64::NAN) } else { f64::NAN });
-        Dots::new(name, values.collect())
+    // one kind of dot for each colour, named by its grades
+    let of = |signal: Signal| {
+        let its = |r: &&&Row| r.graded.map_or(Signal::Unknown, Graded::signal) == signal;
+        let words: Vec<&str> = Grade::ALL
+            .into_iter()
+            .filter(|g| known.iter().filter(its).any(|r| r.graded.is_some_and(|own| own.grade == *g)))
+            .map(Grade::word)
+            .collect();
+        let values = known.iter().map(|r| if its(&r) { r.times_floor.unwrap_or(f64::NAN) } else { f64::NAN });
+        Dots::new(words.join(", "), values.collect())
     };
-    let kinds =
-        [of(Light::Neutral, "not judged"), of(Light::Poor, "poor"), of(Light::Good, "good"), of(Light::Fair, "fair")];
+    let kinds = [Signal::Unknown, Signal::Poor, Signal::Good, Signal::Fair].map(of);
     let line = |at: f64, label: &str| Line { at, upright: true, label: label.to_owned() };
-    let lines = [line(1.0, "floor"), line(3.0, "3 ×")];
+    let poor = Grade::LIMITS.poor;
+    let lines = [line(1.0, "floor"), line(poor, &format!("{poor} ×"))];
     let words = Words::new(
         "Error in multiples of the noise floor",
         "Held-out error of each subject's model, in flight or in contact, where it is worse; 1 is the error of a perfect model on these recordings.",

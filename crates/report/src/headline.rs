@@ -8,7 +8,7 @@ use super::wording::{count, number};
 use aloft_analysis::compare::ComparisonView;
 use aloft_analysis::next_step::{Because, NextStep, step};
 use aloft_analysis::parameters::ParametersView;
-use aloft_compare::{Comparison, GroupedBy, growth};
+use aloft_compare::{Comparison, GroupedBy, Reserve, growth};
 use aloft_discover::Verdict;
 use aloft_page::{Fact, Headline};
 use aloft_study::commands::command;
@@ -29,7 +29,8 @@ pub fn headline(story: &Story<'_>) -> Headline {
     facts.push(Fact::new("How sure", how_sure(story, all.first())));
     facts.extend(session::brief(story).map(|text| Fact::new("Recordings", text)));
     facts.push(next(story));
-    Headline { light: place_errors::light(story), sentence, facts }
+    let (light, word) = place_errors::standing(story);
+    Headline { light, word, sentence, facts }
 }
 
 /// The first screen of a model that is not the whole body: nothing in it is a judgement.
@@ -64,7 +65,8 @@ fn unjudged(story: &Story<'_>, view: &ComparisonView) -> Headline {
     } else {
         Fact::new("Next", "Record markers on the whole body, and jumps, where masses are to be identified.")
     });
-    Headline { light: place_errors::light(story), sentence, facts }
+    let (light, word) = place_errors::standing(story);
+    Headline { light, word, sentence, facts }
 }
 
 fn held(story: &Story<'_>) -> String {
@@ -102,25 +104,21 @@ fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceE
         return format!("{} errs by {} N in {place}; its noise floor {known}.", held(story), number(first.error_n));
     };
     // the other kind of motion is told of where the model is worse there
-    let worse = other.filter(|o| o.light() > first.light()).and_then(|o| Some((o.place.clone(), o.ratio?)));
-    if first.at_floor && story.comparison.as_ref().is_some_and(|v| v.to_correct.as_ref().is_some_and(|c| c.first)) {
-        return format!(
-            "{} is at its noise floor in {place}, but the recordings have to be corrected first.",
-            held(story)
-        );
-    }
+    let worse = other.filter(|o| o.graded.grade > first.graded.grade).and_then(|o| Some((o.place.clone(), o.ratio?)));
     if first.at_floor {
-        let few = || match &story.found {
-            Some(found) if !found.parameters.gate.passed => {
-                format!(", but {} are too few to determine the body", count(found.parameters.n_flights(), "flight"))
-                    .replace("1 flight are too few", "1 flight is too little")
+        let no_more = format!("{} errs no more in {place} than a perfect model could", held(story));
+        return match (worse, first.graded.because) {
+            (Some((place, ratio)), _) => {
+                format!("{no_more}, but {} times its noise floor in {place}.", super::lights::times(ratio))
             }
-            _ => ": a perfect model could err as much".to_owned(),
+            (None, Some(Reserve::CorrectFirst)) => {
+                format!("{no_more}, but the recordings have to be corrected first.")
+            }
+            (None, Some(Reserve::FromTables)) => format!("{no_more}, but {}.", from_tables(story)),
+            (None, None) => {
+                format!("{} is at its noise floor in {place}: a perfect model could err as much.", held(story))
+            }
         };
-        let but = worse.map_or_else(few, |(place, ratio)| {
-            format!(", but errs by {} times its floor in {place}", super::lights::times(ratio))
-        });
-        return format!("{} is at its noise floor in {place}{but}.", held(story));
     }
     let times = super::lights::times;
     let also = worse.map_or(String::new(), |(place, ratio)| format!(" and {} times in {place}", times(ratio)));
@@ -144,6 +142,15 @@ fn sentence(story: &Story<'_>, first: Option<&PlaceError>, other: Option<&PlaceE
             Verdict::NothingMissing => format!("{wrong}; no missing effect was found."),
             Verdict::NotDetectable => format!("{wrong}; the recordings cannot tell what is missing."),
         },
+    }
+}
+
+/// Why the body is that of the tables.
+fn from_tables(story: &Story<'_>) -> String {
+    match story.found.as_ref().map_or(0, |found| found.parameters.n_flights()) {
+        0 => "nothing was identified from motion".to_owned(),
+        1 => "1 flight is too little to determine the body".to_owned(),
+        n => format!("{} are too few to determine the body", count(n, "flight")),
     }
 }
 

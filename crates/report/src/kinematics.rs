@@ -22,7 +22,14 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         let text = "Inverse kinematics has no results.";
         sections.push(Section::new("markers", "Markers", "", vec![Block::remark(Light::Poor, text)]));
     }
-    Chapter { id: "kinematics".into(), title: "Kinematics".into(), group: STUDY.into(), light, sections }
+    Chapter {
+        id: "kinematics".into(),
+        title: "Kinematics".into(),
+        group: STUDY.into(),
+        light,
+        word: String::new(),
+        sections,
+    }
 }
 
 /// Error of each marker in each recording.

@@ -8,7 +8,9 @@ use super::story::Story;
 use super::sureness::after_all;
 use super::wording::{maybe, number, plus_minus, unit};
 use aloft_analysis::compare::JudgedOn;
+use aloft_analysis::held_out::HeldOutError;
 use aloft_analysis::history::HistoryRow;
+use aloft_compare::{Grade, Signal};
 use aloft_page::{Block, Cell, Figure, Ladder, Light, Panel, Rung, Section, Series, Table, Words};
 use aloft_study::revision::Judged;
 use std::collections::HashMap;
@@ -37,7 +39,7 @@ pub fn picture(story: &Story<'_>) -> Option<Ladder> {
             words: judged.as_ref().map_or_else(|| "not run".to_owned(), |j| error_text(j.error_n, j.ratio)),
             judged: match (&r.void, &judged) {
                 (Some(_), _) => "void".to_owned(),
-                (None, Some(j)) if j.ratio.is_some() => j.judged.to_owned(),
+                (None, Some(j)) if j.ratio.is_some() => j.graded.words(),
                 _ => String::new(),
             },
             light: if r.void.is_some() { Light::Poor } else { light },
@@ -95,7 +97,6 @@ fn promised(story: &Story<'_>, first: &PlaceError) -> Option<Rung> {
         return None;
     }
     let (error, ratio) = after_all(story, first)?;
-    let at_floor = ratio.is_some() && first.interval_n.is_some_and(|[_, most]| error <= most);
     let keys: Vec<&str> = parts.iter().map(|p| p.0).collect();
     let of = |c: &aloft_discover::Estimate| {
         format!("{} {} {}", c.name.replace('_', " "), plus_minus(c.value, c.ci95), unit(&c.unit))
@@ -106,11 +107,22 @@ fn promised(story: &Story<'_>, first: &PlaceError) -> Option<Rung> {
         name: format!("+ `{}`?", keys.join("` + `")),
         size: sizes.join(", "),
         error,
-        words: format!("{}{}, forecast", error_text(error, ratio), if at_floor { ", at the floor" } else { "" }),
+        words: format!("{}, forecast{}", error_text(error, ratio), forecast_grade(story, first, error)),
         judged: String::new(),
         light: Light::Neutral,
         forecast: true,
     })
+}
+
+/// The grade of a forecast error, after a colon; nothing without a floor.
+fn forecast_grade(story: &Story<'_>, first: &PlaceError, error_n: f64) -> String {
+    // what the stages computed has its grade; the estimate of the ranking has that of its number
+    let computed = story.discoveries.last().map_or(&[][..], |(_, kept)| &kept.errors_after[..]);
+    let graded = computed
+        .iter()
+        .find(|e| e.judged_on == first.place)
+        .map_or_else(|| Grade::of(error_n, first.floor_n, first.interval_n).plain(), HeldOutError::graded);
+    if graded.grade == Grade::NotJudged { String::new() } else { format!(": {}", graded.words()) }
 }
 
 /// The section; none if the model was never changed.
@@ -171,22 +183,16 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     if let (Some(first), Some(last)) = (rungs.first().and_then(on), rungs.last())
         && let Some((first, now, floor)) = on(last).and_then(|j| Some((first.error_n, j.error_n, j.noise_n?)))
     {
-        let at_floor = on(last).and_then(|j| j.at_floor()).unwrap_or(now < 1.1 * floor);
-        let light = if last.void.is_some() {
-            Light::Poor
-        } else if at_floor {
-            Light::Good
-        } else {
-            Light::Fair
+        let place = if in_flight { "flight" } else { "contact" };
+        let graded = last.errors.iter().find(|e| e.judged_on == place).map(HeldOutError::graded);
+        let (signal, words) = match (&last.void, graded) {
+            (Some(_), _) => (Signal::Poor, "void".to_owned()),
+            (None, Some(g)) => (g.signal(), g.words()),
+            (None, None) => (Signal::Unknown, Grade::NotJudged.word().to_owned()),
         };
-        let where_it_is = if at_floor { "at the noise floor" } else { "above the noise floor" };
-        let text = format!(
-            "From {} N to {} N; a perfect model would leave {} N: {where_it_is}.",
-            number(first),
-            number(now),
-            number(floor)
-        );
-        blocks.insert(0, Block::remark(light, text));
+        let text =
+            format!("From {} N to {} N; a perfect model would leave {} N.", number(first), number(now), number(floor));
+        blocks.insert(0, Block::judged(super::lights::of(signal), words, text));
     }
     for caution in rungs.last().iter().flat_map(|r| &r.cautions) {
         let text = format!("Of the last revision: {caution}.");

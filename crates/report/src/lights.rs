@@ -1,5 +1,5 @@
 //! Judgements of recordings in the report, with limits from common practice in the field. Errors
-//! of the model are judged by [`aloft_compare::Signal`].
+//! of the model are graded by [`aloft_compare::Grade`].
 
 use super::story::{Story, TrialStory};
 use super::wording::number;
@@ -41,13 +41,7 @@ pub fn gap(ratio: f64) -> Light {
     }
 }
 
-/// Held-out error in multiples of the noise floor, and whether it lies within the floor's interval:
-/// the judgement of [`Signal`].
-pub fn against_floor(ratio: Option<f64>, at_floor: Option<bool>) -> Light {
-    of(Signal::of(ratio, at_floor))
-}
-
-/// A judgement of the model as a light.
+/// The colour of a grade as a light.
 pub fn of(signal: Signal) -> Light {
     match signal {
         Signal::Unknown => Light::Neutral,
@@ -91,11 +85,11 @@ pub fn remarks(t: &TrialStory<'_>) -> Vec<(Light, String)> {
     }
     // a recording with a warning is not good
     out.extend(t.warnings.iter().map(|w| (Light::Fair, w.text.clone())));
-    if let Some((place, ratio)) = t.times_floor
-        && against_floor(Some(ratio), None) != Light::Good
+    if let Some(e) = &t.against_floor
+        && of(e.grade.signal()) > Light::Good
     {
-        let text = format!("held-out error is {} times the noise floor in {place}", times(ratio));
-        out.push((against_floor(Some(ratio), None), text));
+        let text = format!("held-out error is {} times the noise floor in {}", times(e.times_floor), e.place);
+        out.push((of(e.grade.signal()), text));
     }
     // warnings of the summary that no stage has put into words
     if out.iter().all(|r| r.0 < Light::Fair) {

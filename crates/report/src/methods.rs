@@ -34,7 +34,14 @@ pub fn chapter(story: &Story<'_>) -> Result<Chapter, PipelineError> {
         ),
         Section::new("go-on", "How to go on", "", vec![Block::Commands { lines: commands }]),
     ];
-    Ok(Chapter { id: "methods".into(), title: "Methods".into(), group: STUDY.into(), light: Light::Neutral, sections })
+    Ok(Chapter {
+        id: "methods".into(),
+        title: "Methods".into(),
+        group: STUDY.into(),
+        light: Light::Neutral,
+        word: String::new(),
+        sections,
+    })
 }
 
 fn paragraph(story: &Story<'_>) -> Result<String, PipelineError> {

@@ -58,8 +58,8 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
          does, with the masses of the tables, checks cameras, markers and flight edges together.",
         vec![recordings(story).into()],
     ));
-    let light = place_errors::light(story);
-    Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, sections }
+    let (light, word) = place_errors::standing(story);
+    Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, word, sections }
 }
 
 /// The recording shown on the first screen: the one on which the model errs most where it is

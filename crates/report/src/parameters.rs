@@ -24,6 +24,7 @@ pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
         title: "Identified parameters".into(),
         group: STUDY.into(),
         light,
+        word: String::new(),
         sections,
     })
 }

@@ -7,7 +7,7 @@ use aloft_analysis::compare::JudgedOn;
 use aloft_analysis::held_out::HeldOutError;
 use aloft_analysis::history::HistoryRow;
 use aloft_analysis::next_step::Answers;
-use aloft_compare::Signal;
+use aloft_compare::{Grade, Graded};
 use aloft_discover::{Discovery, Verdict};
 use aloft_page::Light;
 
@@ -26,13 +26,10 @@ pub struct PlaceError {
     pub interval_n: Option<[f64; 2]>,
     /// Error over floor.
     pub ratio: Option<f64>,
-    /// True if a perfect model could have left as much, and the error is not poor within a wide
-    /// interval.
+    /// True if a perfect model could have left as much.
     pub at_floor: bool,
-    /// Judgement, at best fair where the gate did not pass.
-    pub signal: Signal,
-    /// The same in words, as the commands print it.
-    pub judged: &'static str,
+    /// Its grade.
+    pub graded: Graded,
 }
 
 impl PlaceError {
@@ -44,14 +41,13 @@ impl PlaceError {
             floor_n: e.noise_floor,
             interval_n: e.noise_floor_ci95,
             ratio: e.times_floor,
-            at_floor: e.at_floor == Some(true) && e.signal != Signal::Poor,
-            signal: e.signal,
-            judged: e.judged(),
+            at_floor: e.at_floor == Some(true),
+            graded: e.graded(),
         }
     }
-    /// Judgement as a light.
+    /// The colour of its grade.
     pub fn light(&self) -> Light {
-        lights::of(self.signal)
+        lights::of(self.graded.signal())
     }
     /// `2.4 × floor`.
     pub fn times_floor(&self) -> String {
@@ -60,7 +56,7 @@ impl PlaceError {
     }
     /// `2.4 × floor, fair`.
     pub fn ratio_words(&self) -> String {
-        if self.ratio.is_some() { format!("{}, {}", self.times_floor(), self.judged) } else { self.times_floor() }
+        format!("{}, {}", self.times_floor(), self.graded.words())
     }
 }
 
@@ -130,22 +126,26 @@ pub fn effects<'s>(story: &'s Story<'_>) -> &'s [String] {
     story.history.revisions.last().map_or(&[], |r| &r.effects)
 }
 
-/// Judgement of the model: the worst of its errors against their floors and of the gate. Without a
-/// floor nothing is good.
-pub fn light(story: &Story<'_>) -> Light {
-    let errors = errors_by_place(story).iter().map(PlaceError::light).max().unwrap_or(Light::Neutral);
+/// What the first screen says of the model, as a light and in words: the worst grade of its errors,
+/// as every command prints it; or why there is no grade of the present model.
+pub fn standing(story: &Story<'_>) -> (Light, String) {
     let unjudged = story.comparison.as_ref().is_some_and(|v| !v.limits.is_empty());
-    let gate = match &story.found {
-        Some(found) if !found.parameters.gate.passed => Light::Poor,
-        Some(_) => Light::Neutral,
-        None if unjudged => Light::Neutral,
-        None => Light::Poor,
-    };
-    let lost = if story.trials.iter().any(|t| !t.failures.is_empty()) { Light::Fair } else { Light::Neutral };
-    let stale = if story.freshness.is_current() { Light::Neutral } else { Light::Poor };
     let void = story.history.revisions.last().is_some_and(|r| r.void.is_some());
-    let failed = if story.failures.is_empty() && !void { Light::Neutral } else { Light::Poor };
-    let correct = story.comparison.as_ref().is_some_and(|v| v.to_correct.as_ref().is_some_and(|c| c.first));
-    let correct = if correct { Light::Fair } else { Light::Neutral };
-    [errors, gate, lost, stale, failed, correct].into_iter().max().unwrap_or_default()
+    if !story.failures.is_empty() {
+        return (Light::Poor, "failed".to_owned());
+    }
+    if !story.freshness.is_current() {
+        return (Light::Poor, "not up to date".to_owned());
+    }
+    if void {
+        return (Light::Poor, "void".to_owned());
+    }
+    if story.comparison.is_none() {
+        return (Light::Poor, "not compared".to_owned());
+    }
+    let worst = errors_by_place(story).iter().map(|e| e.graded).max_by_key(|g| g.grade);
+    match worst.filter(|_| !unjudged) {
+        Some(graded) => (lights::of(graded.signal()), graded.words()),
+        None => (Light::Neutral, Grade::NotJudged.word().to_owned()),
+    }
 }

@@ -19,6 +19,7 @@ pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
         title: "Measured against predicted".into(),
         group: STUDY.into(),
         light: Default::default(),
+        word: String::new(),
         sections,
     })
 }

@@ -8,6 +8,7 @@ use aloft_analysis::kinematics::{KinematicsRow, kinematics};
 use aloft_analysis::parameters::{ParametersView, parameters};
 use aloft_analysis::summary::rows_of;
 use aloft_body::{Motion, Subject};
+use aloft_compare::Grade;
 use aloft_discover::Discovery;
 use aloft_flight::FlightReport;
 use aloft_pipeline::stages::STAGES;
@@ -79,9 +80,19 @@ pub struct TrialStory<'a> {
     pub warnings: Vec<StageWarning>,
     /// Reasons for which the summary warns of the recording.
     pub reasons: Vec<QcReason>,
-    /// Kind of motion in which the model errs most on this recording, and its error over windows
-    /// there in multiples of the study's noise floor; none where it is not known.
-    pub times_floor: Option<(&'static str, f64)>,
+    /// Error of the model on this recording, where it errs most; none without a floor.
+    pub against_floor: Option<TrialAgainstFloor>,
+}
+
+/// Error over the windows of one recording beside the study's noise floor, which has no interval
+/// for a single recording.
+pub struct TrialAgainstFloor {
+    /// `flight` or `contact`.
+    pub place: &'static str,
+    /// Error over floor.
+    pub times_floor: f64,
+    /// Its grade.
+    pub grade: Grade,
 }
 
 impl<'a> Story<'a> {
@@ -111,7 +122,7 @@ impl<'a> Story<'a> {
                 let own = summary.iter().find(|r| r.trial == entry.name);
                 trial.reasons = own.map_or_else(Vec::new, |r| r.reasons.clone());
                 if trial.failures.is_empty() {
-                    trial.times_floor = comparison.as_ref().and_then(|v| times_floor(&v.comparison, &entry.name));
+                    trial.against_floor = comparison.as_ref().and_then(|v| against_floor(&v.comparison, &entry.name));
                 }
                 trial
             })
@@ -156,17 +167,18 @@ impl<'a> Story<'a> {
 
 /// The larger of a recording's errors over windows in flight and contact, over the floor of the
 /// study.
-fn times_floor(c: &aloft_compare::Comparison, trial: &str) -> Option<(&'static str, f64)> {
+fn against_floor(c: &aloft_compare::Comparison, trial: &str) -> Option<TrialAgainstFloor> {
     let own = c.first.trials.iter().find(|t| t.trial == trial)?;
     let floor = c.noise_floor.as_ref()?;
     let of = |place, errors: &aloft_compare::WindowErrors, floor: Option<aloft_compare::Floor>| {
-        let ratio = errors.size() / floor?.noise_floor;
-        (errors.windows > 0 && ratio.is_finite()).then_some((place, ratio))
+        let (error, floor) = (errors.size(), floor?.noise_floor);
+        let (times_floor, grade) = (error / floor, Grade::of(error, Some(floor), None));
+        (errors.windows > 0 && grade != Grade::NotJudged).then_some(TrialAgainstFloor { place, times_floor, grade })
     };
     // contact that took part in identification and that no floor was computed for is not judged
     let contact = if own.held_out_contact { of("contact", &own.contact_weak, floor.contact_floor) } else { None };
     let flight = of("flight", &own.flight_weak, floor.flight_floor);
-    [flight, contact].into_iter().flatten().max_by(|a, b| a.1.total_cmp(&b.1))
+    [flight, contact].into_iter().flatten().max_by(|a, b| a.times_floor.total_cmp(&b.times_floor))
 }
 
 /// The answers stored for each revision of the model; if there are none, the latest answer.
@@ -210,7 +222,7 @@ impl<'a> TrialStory<'a> {
             failures,
             warnings,
             reasons: Vec::new(),
-            times_floor: None,
+            against_floor: None,
         }
     }
 

@@ -8,7 +8,7 @@ use aloft_analysis::effect::{Asked, history};
 use aloft_analysis::freshness::freshness;
 use aloft_analysis::switch_kernel::{KernelWindows, SwitchKernel};
 use aloft_analysis::switches::{Switch, Switches};
-use aloft_compare::{FAIR_TIMES_FLOOR, FLOOR_KNOWN_WITHIN, Floor, POOR_TIMES_FLOOR};
+use aloft_compare::{Floor, Grade, Reserve};
 use aloft_discover::Verdict;
 use aloft_identify::RotatedRows;
 use aloft_page::pack;
@@ -17,7 +17,7 @@ use aloft_study::commands::command;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use nalgebra::DMatrix;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 /// Most numbers that a page carries for its switches, at about five characters each.
 const MOST_NUMBERS: usize = 260_000;
@@ -49,11 +49,23 @@ pub fn panel_state(session: &SubjectSession, switches: &[Switch]) -> Result<Valu
         "stale": fresh.describe(),
         "revisions": rungs,
         "place": place,
+        "grades": grades(),
+        "reserves": Reserve::ALL.iter().map(|r| (key(r), json!(r.words()))).collect::<Map<_, _>>(),
         "switches": switches,
         "preparing": false,
         "problem": null,
         "asked": asked(&session)?,
     }))
+}
+
+/// Words and colour of every grade, by its name in JSON.
+fn grades() -> Map<String, Value> {
+    Grade::ALL.iter().map(|g| (key(g), json!({"words": g.word(), "signal": g.signal()}))).collect()
+}
+
+/// The name of a variant in JSON.
+fn key(variant: &impl serde::Serialize) -> String {
+    json!(variant).as_str().map(str::to_owned).unwrap_or_default()
 }
 
 /// What the last discovery said; null if nothing was asked.
@@ -167,8 +179,8 @@ fn packed(k: &SwitchKernel) -> Value {
         "always_contact": k.always_contact, "contact": k.contact, "known": k.known, "left_out": k.left_out,
         "present": k.present, "base": k.base, "all": rows(&k.all, !k.base.is_empty(), 5),
         "trials": trials.collect::<Vec<_>>(), "flight_floor": floor(&k.flight_floor),
-        "contact_floor": floor(&k.contact_floor), "weight_n": k.weight_n, "gate": k.gate,
-        "limits": {"fair": FAIR_TIMES_FLOOR, "poor": POOR_TIMES_FLOOR, "known": FLOOR_KNOWN_WITHIN},
+        "contact_floor": floor(&k.contact_floor), "weight_n": k.weight_n, "best": k.best,
+        "limits": Grade::LIMITS, "grades": Grade::ALL,
     })
 }
 

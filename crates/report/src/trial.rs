@@ -47,7 +47,14 @@ pub fn chapter(story: &Story<'_>, t: &TrialStory<'_>) -> Chapter {
     if sections.len() > 1 {
         sections[..2].rotate_left(1);
     }
-    Chapter { id: t.anchor(), title: name.clone(), group: RECORDINGS.into(), light: lights::trial(t), sections }
+    Chapter {
+        id: t.anchor(),
+        title: name.clone(),
+        group: RECORDINGS.into(),
+        light: lights::trial(t),
+        word: String::new(),
+        sections,
+    }
 }
 
 fn cards(story: &Story<'_>, t: &TrialStory<'_>) -> Vec<Card> {

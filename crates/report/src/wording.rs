@@ -83,7 +83,7 @@ pub fn at_words(text: &str, most: usize) -> String {
 
 /// A card with one figure of merit.
 pub fn card(label: &str, value: String, note: impl Into<String>, light: Light) -> Card {
-    Card { label: label.to_owned(), value, note: note.into(), light }
+    Card { label: label.to_owned(), value, note: note.into(), light, word: String::new() }
 }
 
 #[cfg(test)]

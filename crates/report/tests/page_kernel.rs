@@ -153,7 +153,7 @@ fn validate_the_page_computes_what_the_program_computes() {
                 let right = by(&expected["errors"], "judged_on", &e["judged_on"]).unwrap();
                 let scale = right["held_out_error"].as_f64().unwrap();
                 note(0, &e["held_out_error"], &right["held_out_error"], scale, words.clone());
-                for same in ["windows", "signal", "at_floor", "noise_floor", "noise_floor_ci95"] {
+                for same in ["windows", "grade", "because", "at_floor", "noise_floor", "noise_floor_ci95"] {
                     assert_eq!(e[same], right[same], "{data}: {words}: {same}");
                 }
             }

@@ -3,7 +3,7 @@
 use crate::compare::compare;
 use crate::parameters::parameters;
 use aloft_body::{LinkInertia, Subject};
-use aloft_compare::{Signal, measured_wrench};
+use aloft_compare::{Grade, measured_wrench};
 use aloft_export::{
     Convention, FileCoordinates, InertiaSource, OsimFile, PlateAtFrames, RobotFile, SourceFile, SubjectExport,
     TrialExport,
@@ -159,11 +159,17 @@ fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, I
             "on held-out flights the identified body errs by {own_n:.3} N, no less than the one that it was to replace, {tables_n:.3} N"
         ));
     }
-    let poor = errors.iter().filter(|e| e.signal == Signal::Poor).filter_map(|e| {
+    let poor = errors.iter().filter(|e| e.grade == Grade::Poor).filter_map(|e| {
         let times = e.times_floor?;
+        let why = match e.because {
+            Some(_) => "the recordings have to be corrected first (`aloft run` says what)",
+            None => "something is missing in the model, and the inertias answer for it (`aloft discover`)",
+        };
         Some(format!(
-            "the held-out error in {} is {times:.1} times its noise floor: something is missing in the model, and the inertias answer for it (`aloft discover`)",
-            e.judged_on
+            "the held-out error in {} is {} times its noise floor, {}: {why}",
+            e.judged_on,
+            aloft_compare::significant(times, 2),
+            e.judged
         ))
     });
     let poor: Vec<String> = poor.collect();

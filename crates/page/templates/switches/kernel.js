@@ -173,17 +173,22 @@ const Kernel = (() => {
     return dot(e, e);
   };
 
-  const signal = (limits, times, at, gate) => {
-    if (times === null || !Number.isFinite(times)) return "unknown";
-    const word = times >= limits.poor ? "poor" : at === true || (at === null && times < limits.fair) ? "good" : "fair";
-    return !gate && word === "good" ? "fair" : word;
+  // as `Grade::of` and `Graded::at_best` of the program, whose limits and order of grades these are
+  const graded = ({ limits, grades, best }, times, at, below) => {
+    const plain = times === null || !Number.isFinite(times) ? "not_judged" : times >= limits.poor ? "poor" : at ? (below ? "below_floor" : "at_floor") : times < limits.fair ? "good" : "fair";
+    const worse = (a, b) => grades.indexOf(a) > grades.indexOf(b);
+    const least = (now, b) => (worse(b.grade, now.grade) && (now.grade !== "not_judged" || b.grade === "poor") ? b : now);
+    return best.reduce(least, { grade: plain, because: null });
   };
   const against = (k, place, error, windows, floor) => {
     // a floor that is known too roughly does not judge an error within its interval
     const most = floor?.ci95?.[1] ?? null;
     const undecided = most !== null && error <= most && most > k.limits.known * floor.noise_floor;
     const times = floor && !undecided ? error / floor.noise_floor : null, at = most !== null && !undecided ? error <= most : null;
-    return { judged_on: place, held_out_error: error, windows, noise_floor: floor?.noise_floor ?? null, noise_floor_ci95: floor?.ci95 ?? null, times_floor: times, at_floor: at, signal: signal(k.limits, times, at, k.gate) };
+    const { grade, because } = graded(k, times, at, at && error < floor.ci95[0]);
+    // what is poor for a reason of its own is at no floor
+    const at_floor = at && !(grade === "poor" && because);
+    return { judged_on: place, held_out_error: error, windows, noise_floor: floor?.noise_floor ?? null, noise_floor_ci95: floor?.ci95 ?? null, times_floor: times, at_floor, grade, because };
   };
 
   // packed numbers to lists, once

@@ -9,7 +9,7 @@
     // an error of the other kind of motion is no rung of this ladder
     if (!e || !last || !Studio.preview() || (S.state.place && e.judged_on !== S.state.place)) return;
     const row = last.cloneNode(true);
-    row.className = "rung preview " + e.signal;
+    row.className = "rung preview " + Studio.colour(e);
     row.querySelector(".name").textContent = S.shown.which.startsWith("exact") ? "with the switches" : "with the switches (quick)";
     const floor = parseFloat(row.querySelector(".floor")?.style.left);
     const bar = row.querySelector(".error");

@@ -14,9 +14,9 @@ const Studio = (() => {
   const times = (v) => (v === null || v === undefined ? "" : two(v) + " × floor");
   // error, and its ratio to the floor where there is one
   const size = (e) => [`${number(e.held_out_error)} N`, times(e.times_floor)].filter(Boolean).join(", ");
-  // the words of the commands (`HeldOutError::judged`)
-  const below = (e) => e.signal === "good" && e.noise_floor_ci95 && e.held_out_error < e.noise_floor_ci95[0];
-  const judged = (e) => (e.signal === "unknown" ? "not judged" : below(e) ? "below the floor" : e.at_floor && e.signal === "good" ? "at the floor" : e.at_floor && e.signal === "fair" ? "at the floor, from tables" : e.signal);
+  // words and colour of a grade: the program's own table
+  const judged = (e) => S.state.grades[e.grade].words + (e.because ? ": " + S.state.reserves[e.because] : "");
+  const colour = (e) => S.state.grades[e.grade].signal;
   const same = (a, b) => a.length === b.length && a.every((k) => b.includes(k));
   // what differs from the present model: a choice of effects, or what a live page adds to it
   const others = [];
@@ -53,12 +53,12 @@ const Studio = (() => {
     at("place").textContent = `Held-out error in ${e.judged_on}`;
     at("value").textContent = number(e.held_out_error) + " N";
     at("times").textContent = [times(e.times_floor), judged(e)].filter(Boolean).join(", ");
-    at("times").className = "studio-times " + e.signal;
+    at("times").className = "studio-times " + colour(e);
     const most = 1.04 * Math.max(e.held_out_error, before?.held_out_error ?? 0, e.noise_floor_ci95?.[1] ?? 0, e.noise_floor ?? 0);
     const part = (v) => (100 * Math.min(1, Math.max(0, v / most))).toFixed(2) + "%";
     const gauge = document.querySelector(".studio-gauge"), bar = (name) => gauge.querySelector("." + name);
     bar("error").style.width = part(e.held_out_error);
-    bar("error").className = "error " + e.signal;
+    bar("error").className = "error " + colour(e);
     bar("before").style.width = preview() && before ? part(before.held_out_error) : "0";
     bar("before").hidden = !preview();
     bar("floor").style.left = part(e.noise_floor ?? 0);
@@ -182,5 +182,5 @@ const Studio = (() => {
     switches();
     flip();
   };
-  return { S, at, make, prose, problem, show, coefficients, switches, buttons, flip, begin, preview, same, number, times, judged, unitOf, place, present, put, list, hooks, others, recorded, hear: (f) => hears.push(f) };
+  return { S, at, make, prose, problem, show, coefficients, switches, buttons, flip, begin, preview, same, number, times, judged, colour, unitOf, place, present, put, list, hooks, others, recorded, hear: (f) => hears.push(f) };
 })();

@@ -54,14 +54,13 @@ class Answer(Mapping[str, Any]):
 
 
 def errors_in_words(errors: list[dict[str, Any]]) -> str:
-    """Lines like `in flight: 0.0479 N, 4.4 times the noise floor (0.0108 N)`."""
+    """Lines like `in flight: held-out error 0.0479 N, 4.4 times the noise floor (0.0108 N): poor`."""
     lines = []
     for e in errors:
         text = f"in {e['judged_on']}: held-out error {e['held_out_error']:.3g} N"
         if e["noise_floor"] is not None and e["times_floor"] is not None:
             text += f", {e['times_floor']:.2g} times the noise floor ({e['noise_floor']:.3g} N)"
-            text += ", at the floor" if e["at_floor"] else ""
-        lines.append(text)
+        lines.append(f"{text}: {e['judged']}")
     return "\n".join(lines)
 
 
