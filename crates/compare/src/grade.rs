@@ -165,7 +165,7 @@ impl Reserve {
                 "the gate of the identification did not pass, so that the body is that of the tables: at best *fair*"
             }
             Self::CorrectFirst => {
-                "something else is to be corrected first (a line `first:` says what): at best *fair*, and *poor* where every error rests on it, as on a wrong mass"
+                "something else is to be corrected first (the line `first` of `aloft run` says what): at best *fair*, and *poor* where every error rests on it, as on a wrong mass"
             }
         }
     }
