@@ -487,8 +487,6 @@ impl Periodic {
     /// for what repeats with every turn.
     fn of(scene: &Scene, frames: &PlaceFrames<'_>) -> Vec<Self> {
         const TURN: f64 = 2.0 * std::f64::consts::PI;
-        /// Most periods in a turn of a hinge.
-        const MOST: f64 = 4.0;
         let mut out = Vec::new();
         for variable in std::iter::once(Variable::Clock).chain(Variable::of(scene)) {
             let range = range_of(&frames.values(variable, &Vector3::zeros()));
@@ -504,7 +502,7 @@ impl Periodic {
                         // from what a free curve does not follow, in the steps of the clock
                         let step = 0.4 * TURN / range.width();
                         let first = 1.5 * TURN / range.width();
-                        let n = ((MOST - first) / step).max(0.0) as usize;
+                        let n = ((variable.fastest().unwrap_or(0.0) - first) / step).max(0.0) as usize;
                         let frequencies = (0..=n).map(|k| first + step * k as f64).collect();
                         out.push(Self { variable, range, frequencies });
                     }
@@ -516,7 +514,8 @@ impl Periodic {
     }
 }
 
-/// Angular frequencies of the clock, rad/s: steps that lose no line between them, up to 8 Hz.
+/// Angular frequencies of the clock, rad/s: steps that lose no line between them, up to
+/// [`Variable::fastest`].
 pub(super) fn of_clock(frames: &PlaceFrames<'_>) -> Vec<f64> {
     let long = |t: &Vec<(EffectFrame<'_>, Instant)>| match (t.first(), t.last()) {
         (Some(a), Some(b)) => b.0.time_s - a.0.time_s,
@@ -525,8 +524,10 @@ pub(super) fn of_clock(frames: &PlaceFrames<'_>) -> Vec<f64> {
     let duration = frames.series.iter().map(long).fold(0.5, f64::max);
     let step = 0.4 / duration;
     let first = (0.4 / duration).max(0.15);
-    let n = (((8.0 - first) / step) as usize).min(400);
-    (0..n).map(|i| (first + step * i as f64) * 2.0 * std::f64::consts::PI).collect()
+    let turn = 2.0 * std::f64::consts::PI;
+    let most = Variable::Clock.fastest().unwrap_or(0.0) / turn;
+    let n = (((most - first) / step) as usize).min(400);
+    (0..n).map(|i| (first + step * i as f64) * turn).collect()
 }
 
 /// Anchors around the volume of the motion, world, m.

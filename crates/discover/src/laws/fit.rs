@@ -89,16 +89,19 @@ impl Fitted {
     }
 }
 
-/// Fits a law from starting values of its nonlinear parameters.
+/// Fits a law from starting values of its nonlinear parameters. The values of the fit are within
+/// the law's bounds, so that the law can be stated and added with them.
 pub(crate) fn fit(
     session: &Session<'_>,
     problem: &Problem,
     law: &Law,
-    start: Vec<f64>,
+    mut start: Vec<f64>,
     steps: usize,
 ) -> Option<Fitted> {
+    let bounds = law.nonlinear(session.scene, Target::Body);
+    start.iter_mut().zip(&bounds).for_each(|(x, b)| *x = x.clamp(b.lower, b.upper));
     let variant = Variant::new(session, law, Target::Body, start);
-    let fitted = law.nonlinear(session.scene, Target::Body).len();
+    let fitted = bounds.len();
     let scored = if fitted == 0 {
         let columns = variant.columns(session, problem)?;
         score(problem, variant, &problem.reduce(&columns))

@@ -1,7 +1,7 @@
 //! A fitted law as an effect of the user's own: formulas with units, as a file that a pipeline can
 //! name.
 
-use super::kinematics::{Action, Carrier, Direction, Variable};
+use super::kinematics::{Action, Carrier, Direction};
 use super::law::{DELAY, Factor, Law, factor_name};
 use super::shape::{KNOTS, Shape};
 use crate::wording::digits;
@@ -103,7 +103,7 @@ impl Law {
                 .collect(),
             parameters: parameters
                 .map(|(p, value)| FormulaParameter {
-                    start: Some(value.clamp(p.lower, p.upper)),
+                    start: Some(*value),
                     name: p.name,
                     unit: p.unit,
                     lower: p.lower,
@@ -191,8 +191,7 @@ fn parameter_names(index: usize, f: &Factor) -> Vec<String> {
     if let Some(values) = &f.fixed {
         return values.iter().map(|v| format!("({v})")).collect();
     }
-    let parameters = f.shape.parameters(f.range, f.variable == Variable::Distance);
-    parameters.iter().map(|q| factor_name(index, q.name)).collect()
+    f.parameters().iter().map(|q| factor_name(index, q.name)).collect()
 }
 
 /// Replaces a whole word.
@@ -218,6 +217,7 @@ pub(crate) fn is_curve(law: &Law) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::kinematics::Variable;
     use super::super::law::PointIs;
     use super::super::near_joint::tests::trunk_and_arm;
     use super::super::shape::Range;

@@ -243,6 +243,17 @@ impl Variable {
         (0..3).flat_map(|k| others(k).map(|other| (along(k), other))).collect()
     }
 
+    /// Highest angular frequency that is searched for waves of this variable, radians per unit: 8 Hz
+    /// of the clock, four periods in a turn of a hinge; none where waves have no search of their
+    /// own.
+    pub fn fastest(self) -> Option<f64> {
+        match self {
+            Self::Clock => Some(8.0 * 2.0 * std::f64::consts::PI),
+            Self::JointAngle(_) => Some(4.0),
+            _ => None,
+        }
+    }
+
     /// Value in a frame.
     pub fn value(self, frame: &EffectFrame<'_>, at: &Instant, anchor: &Vector3<f64>) -> f64 {
         let links = &frame.scene.model.links;

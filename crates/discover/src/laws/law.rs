@@ -2,7 +2,7 @@
 //! product of functions of variables.
 
 use super::kinematics::{Action, Carrier, Direction, Instant, Variable};
-use super::shape::{Range, Shape};
+use super::shape::{Range, Shape, ShapeParameter};
 use aloft_body::Model;
 use aloft_effects::{
     About, ActsIn, Coefficient, Columns, Effect, EffectFrame, NonlinearParameter, ParameterKind, Scene, Series, Target,
@@ -22,6 +22,11 @@ pub(crate) struct Factor {
 impl Factor {
     fn is_distance(&self) -> bool {
         self.variable == Variable::Distance
+    }
+
+    /// Parameters of the shape, with their bounds in this variable.
+    pub fn parameters(&self) -> Vec<ShapeParameter> {
+        self.shape.parameters(self.range, self.is_distance(), self.variable.fastest())
     }
 }
 
@@ -145,7 +150,7 @@ impl Law {
         rest = &rest[if self.has_anchor() { 3.min(rest.len()) } else { 0 }..];
         let mut parts = Vec::new();
         for f in &self.factors {
-            let n = if f.fixed.is_some() { 0 } else { f.shape.parameters(f.range, f.is_distance()).len() };
+            let n = if f.fixed.is_some() { 0 } else { f.parameters().len() };
             let (head, tail) = rest.split_at(n.min(rest.len()));
             parts.push(head);
             rest = tail;
@@ -295,7 +300,7 @@ impl Effect for Law {
             out.extend(NonlinearParameter::point_in_world("anchor", &scene.volume_centre_m, 6.0));
         }
         for (i, f) in self.factors.iter().enumerate().filter(|(_, f)| f.fixed.is_none()) {
-            for p in f.shape.parameters(f.range, f.is_distance()) {
+            for p in f.parameters() {
                 let base = f.variable.unit(scene);
                 let unit = match (p.power, base) {
                     (0, _) | (_, "1") => "1".to_owned(),
@@ -342,4 +347,29 @@ impl Effect for Law {
 /// Name of a factor's parameter: with a number for all factors but the first.
 pub(crate) fn factor_name(factor: usize, name: &str) -> String {
     if factor == 0 { name.to_owned() } else { format!("{name}_{}", factor + 1) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::shape::Shape;
+    use super::*;
+
+    /// A force that pulses at 4.7 Hz was found in recordings of 17 s, and its frequency was beyond
+    /// the bounds of its law.
+    #[test]
+    fn regress_the_bounds_of_a_wave_hold_every_frequency_that_is_searched() {
+        for (variable, slowest) in
+            [(Variable::Clock, 0.15 * 2.0 * std::f64::consts::PI), (Variable::JointAngle(1), 0.0)]
+        {
+            let fastest = variable.fastest().unwrap_or(0.0);
+            for width in [0.4, 3.0, 17.0, 90.0, 1200.0] {
+                for shape in [Shape::Sine, Shape::Wave, Shape::WaveAbout, Shape::Pulses] {
+                    let range = Range { low: 0.0, high: width };
+                    let k = Factor { variable, shape, range, fixed: None }.parameters().remove(0);
+                    assert!(k.lower <= slowest.max(2.5 / width), "{shape:?} over {width}: from {}", k.lower);
+                    assert!(k.upper > fastest, "{shape:?} over {width}: to {}", k.upper);
+                }
+            }
+        }
+    }
 }

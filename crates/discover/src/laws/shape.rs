@@ -114,10 +114,13 @@ impl Shape {
         }
     }
 
-    /// Parameters, with bounds that follow from the range of the variable.
-    pub fn parameters(self, range: Range, distance: bool) -> Vec<ShapeParameter> {
+    /// Parameters, with bounds that follow from the range of the variable. `fastest` is the highest
+    /// angular frequency that is searched in it, if waves are searched there: the bounds hold it
+    /// and what a fit may move it by, a step of the search.
+    pub fn parameters(self, range: Range, distance: bool, fastest: Option<f64>) -> Vec<ShapeParameter> {
         let of = |name, power, lower, upper, scale| ShapeParameter { name, power, lower, upper, scale };
         let (a, w) = (range.reach(), range.width());
+        let most = fastest.map_or(0.0, |k| k + 3.0 / w).max(400.0 / w);
         let exponent = if distance { of("n", 0, -5.0, 4.0, 0.3) } else { of("n", 0, 0.2, 5.0, 0.3) };
         let threshold = of("x0", 1, range.low, range.high, 0.1 * w);
         match self {
@@ -131,9 +134,9 @@ impl Shape {
             Self::Switch => vec![threshold, of("w", 1, 0.005 * w, 0.5 * w, 0.05 * w)],
             Self::Bell => vec![threshold, of("w", 1, 0.03 * w, 2.0 * w, 0.1 * w)],
             Self::Softened => vec![of("s", 1, 0.01, 3.0 * a, 0.1 * a)],
-            Self::Sine | Self::Wave | Self::WaveAbout => vec![of("k", -1, 0.3 / w, 400.0 / w, 0.3 / w)],
+            Self::Sine | Self::Wave | Self::WaveAbout => vec![of("k", -1, 0.3 / w, most, 0.3 / w)],
             Self::Pulses => vec![
-                of("k", -1, 0.3 / w, 400.0 / w, 0.3 / w),
+                of("k", -1, 0.3 / w, most, 0.3 / w),
                 of("phase", 0, -7.0, 7.0, 0.3),
                 of("bound", 0, -0.98, 0.98, 0.2),
             ],
