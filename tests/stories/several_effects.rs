@@ -197,3 +197,30 @@ fn effects_are_named_among_many_recordings() {
         .collect();
     assert_eq!(found, [("quadratic_drag[links]", 0), ("payload[link0]", 4)]);
 }
+
+/// A load that is also carried in one of two exercises, which are held out, was refused: judged
+/// without it, contact has more error with the load in the jumps than without it.
+#[test]
+fn a_load_is_named_where_it_is_also_carried_in_an_exercise_that_is_held_out() {
+    let dir = folder();
+    let scenario = dir.path().join("load.yaml");
+    let text = "name: load\nseed: 52\nbody:\n  kind: human\n  person: {sex: F, height_m: 1.66, mass_kg: 60.0}\n  \
+        protocol: {jumps: 6, exercises: 2, exercise_s: 3.0}\nhidden:\n  - {effect: payload, link: hand_r, \
+        point_m: [0.0, -0.06, 0.0], mass_kg: 1.2, trials: [jump04, jump05, jump06, exercise02]}\n";
+    fs::write(&scenario, text).unwrap();
+    let data = dir.path().join("lab").display().to_string();
+    expect(&["simulate", &scenario.display().to_string(), "--out", &data], 0);
+    let ws = dir.path().join("ws").display().to_string();
+    let words = [&repo("pipelines/human.yaml"), "--data", &data, "--workspace", &ws];
+    expect(&[&["run"], &words[..]].concat(), 0);
+    let found = json(&[&["discover"], &words[..], &["--closed", "--json"]].concat());
+    assert_eq!(found["verdict"], "supported", "{}", found["words"]);
+    let load = &found["found"][0];
+    assert_eq!(load["key"], "payload[hand_r]");
+    assert_eq!(load["trials"], serde_json::json!(["exercise02", "jump04", "jump05", "jump06"]));
+    let mass = &load["coefficients"][0];
+    assert!(number(&mass["ci95"][0]) < 1.2 && 1.2 < number(&mass["ci95"][1]), "{mass}");
+    for e in found["errors_after"].as_array().unwrap() {
+        assert_eq!(e["at_floor"], true, "{e}");
+    }
+}

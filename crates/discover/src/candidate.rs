@@ -49,6 +49,10 @@ impl<'a> Variant<'a> {
         }
         blocks.iter().all(|b| b.iter().all(|x| is_usable(*x))).then_some(blocks)
     }
+    /// Columns by cluster as if the effect acted in every trial.
+    pub fn columns_everywhere(&self, session: &Session<'_>, problem: &Problem) -> Option<Vec<DMatrix<f64>>> {
+        Self { group: Vec::new(), ..self.clone() }.columns(session, problem)
+    }
     /// Columns by cluster.
     pub fn columns_at(&self, session: &Session<'_>, problem: &Problem, nonlinear: &[f64]) -> Option<Vec<DMatrix<f64>>> {
         Some(problem.gather(&self.blocks_at(session, problem, nonlinear)?))

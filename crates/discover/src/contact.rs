@@ -33,7 +33,7 @@ const CONTRADICTED: f64 = 1.1;
 impl Refit<'_, '_> {
     /// Rows of flights and contact, judged in contact, with or without the effects found; none if
     /// contact cannot be judged.
-    fn in_contact(&self, session: &Session<'_>, with_found: bool) -> Option<Problem> {
+    pub(crate) fn in_contact(&self, session: &Session<'_>, with_found: bool) -> Option<Problem> {
         let (kept, found) = if with_found { (self.kept, self.found) } else { Default::default() };
         let extra = extra_columns(session, Domain::Contact, self.accepted, kept, found);
         let options = self.options;

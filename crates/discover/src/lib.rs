@@ -13,6 +13,7 @@
 //! | refit | `nonlinear` | Gauss-Newton on the nonlinear parameters, again in each fold |
 //! | ranking | `rank` | choice of target inside each fold, sign-flip null over all effects |
 //! | ranking | `groups` | the trials in which a load was carried, from force plates or from flights |
+//! | ranking | `other_trials` | whether it acts in trials that flights say nothing of |
 //! | ranking | `statistics` | intervals over clusters |
 //! | ranking | `placebo` | effects without physical basis |
 //! | judgement | `discover`, `ladder`, `pairs` | rounds, pruning, pairs of effects |
@@ -85,6 +86,7 @@ mod on_which_link;
 mod one_is_enough;
 mod only_as_limit;
 mod options;
+mod other_trials;
 mod pairs;
 mod placebo;
 mod problem;

@@ -6,6 +6,7 @@ use crate::judge::{
 use crate::ladder::{Refit, estimates, group_names, key_of, to_build_on};
 use crate::limits::{SMALLEST, limit, limit_by_number};
 use crate::options::DiscoverOptions;
+use crate::other_trials::tell_other_trials;
 use crate::placebo::PLACEBOS;
 use crate::problem::{Domain, Problem};
 use crate::rank::{EffectScore, judged_in, null_ratios, score_effect};
@@ -213,7 +214,23 @@ impl<'a> Ask<'_, 'a> {
             }
             scores.sort_by(by_error);
         }
+        self.tell_other_trials(&mut scores);
         scores
+    }
+
+    /// What acts in some trials may also act in those that flights say nothing of.
+    fn tell_other_trials(&self, scores: &mut [EffectScore<'a>]) {
+        let in_some = |s: &EffectScore<'_>| {
+            let comes_and_goes = s.scored.iter().any(|v| !v.variant.group.is_empty());
+            comes_and_goes && s.effect.acts().in_contact() && !s.placebo
+        };
+        if self.problem.domain != Domain::Flight || !scores.iter().any(in_some) {
+            return;
+        }
+        let Some(contact) = self.beside.in_contact(self.session, true) else { return };
+        for score in scores.iter_mut().filter(|s| in_some(s)) {
+            tell_other_trials(self.session, self.problem, &contact, score);
+        }
     }
 
     /// Limits from chance, from the number of clusters, and from what errors that repeat imitate.
