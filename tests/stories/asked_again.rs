@@ -53,13 +53,28 @@ fn the_same_question_is_answered_from_the_workspace_and_another_one_is_not() {
     expect(&[&["run"], &at[..]].concat(), 0);
     assert!(!from_before(&two) && from_before(&two));
 
-    // the model, there and back
-    for action in ["add", "remove"] {
+    // the model, there and back: another model is another question, and each has its answer when it
+    // comes back
+    let change = |action| {
         expect(&[&["effect", action], &at[..1], &["quadratic_drag[links]"], &at[1..]].concat(), 0);
-        assert!(!from_before(&two) && from_before(&two), "{action}");
+    };
+    let (plain, _) = ask(&two);
+    change("add");
+    assert!(!from_before(&two) && from_before(&two));
+    let (with_drag, _) = ask(&two);
+    assert_ne!(plain, with_drag);
+    for _ in 0..2 {
+        change("remove");
+        let (came_back, said) = ask(&two);
+        assert!(said.contains(BEFORE) && came_back == plain, "{came_back}\n{said}");
+        change("add");
+        let (came_back, said) = ask(&two);
+        assert!(said.contains(BEFORE) && came_back == with_drag, "{came_back}\n{said}");
     }
 
     // a damaged answer is not shown
-    damage(&dir.path().join("ws/discoveries/revision_2.json"));
+    for file in fs::read_dir(dir.path().join("ws/discoveries")).unwrap() {
+        damage(&file.unwrap().path());
+    }
     assert!(!from_before(&two) && from_before(&two));
 }

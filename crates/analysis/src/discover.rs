@@ -1,6 +1,7 @@
 //! `discover`: ranks the effects that the model may be missing, from the motion and the flights in
 //! the workspace, and tests how well this works on these recordings.
 
+use crate::answers;
 use crate::compare::compare;
 use crate::drawn_errors::{contact_rows, drawn};
 use crate::held_out::HeldOutError;
@@ -27,7 +28,7 @@ use aloft_regressor::WeakOptions;
 use aloft_study::calendar::Calendar;
 use aloft_study::effects::KnownEffects;
 use aloft_study::effects::asks_session_time;
-use aloft_study::revision::{ModelEffect, Revisions};
+use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json;
@@ -37,7 +38,6 @@ use aloft_workspace::workspace::Workspace;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 /// Region in which the body moved. The columns of some effects refer to it; it is stored with a
@@ -331,21 +331,13 @@ pub fn discover(
 
 /// The stored answer for the present model, if it was computed from the present results.
 pub fn latest(session: &SubjectSession) -> Option<Discovery> {
-    let revision = Revisions::load(&session.workspace).ok()?.revisions.len().saturating_sub(1);
-    let answer: Option<Kept<Discovery>> = seal::read_if_there(&answer_of(session, revision)).ok()?;
-    answer.filter(|d| d.made_from == looked_at(session)).map(|d| d.answer)
+    answers::present(session).ok()?.map(|kept| kept.answer)
 }
 
 /// The last stored answer for an earlier model, if it was computed from the present results, with
 /// the keys of the effects that this model held.
 pub fn earlier(session: &SubjectSession) -> Option<(Discovery, Vec<String>)> {
-    let all = Revisions::load(&session.workspace).ok()?.revisions;
-    let from = looked_at(session);
-    (0..all.len().saturating_sub(1)).rev().find_map(|n| {
-        let answer: Option<Kept<Discovery>> = seal::read_if_there(&answer_of(session, n)).ok()?;
-        let held = all[n].effects.iter().map(|e| e.key.clone()).collect();
-        answer.filter(|d| d.made_from == from).map(|d| (d.answer, held))
-    })
+    answers::earlier(session).ok()?
 }
 
 /// Largest share of the error in contact that laws may leave of what the best effect of the
@@ -477,13 +469,7 @@ fn found(
     answer.question = asked;
     answer.errors_after = errors_after.into_iter().filter(|e| e.held_out_error.is_finite()).collect();
     seal::write_whole(&session.workspace.join("discovery.json"), &answer)?;
-    // the answer for each revision of the model is kept, so that the report can show all of them
-    let revision = Revisions::load(&session.workspace)?.revisions.len().saturating_sub(1);
-    let place = answer_of(session, revision);
-    if let Some(folder) = place.parent() {
-        aloft_workspace::disk::create_dir_all(folder)?;
-    }
-    seal::write_whole(&place, &answer)?;
+    answers::keep(session, &answer)?;
     seal::write_whole(&session.workspace.join("discovery_volume.json"), &volume)?;
     Ok(DiscoveryView { discovery: answer.answer, errors, errors_after: answer.errors_after })
 }
@@ -555,11 +541,6 @@ pub fn refuse_without_numbers(session: &SubjectSession, effect: &ModelEffect) ->
             None => Ok(()),
         }
     })
-}
-
-/// Path of the stored answer for a revision of the model.
-pub fn answer_of(session: &SubjectSession, revision: usize) -> PathBuf {
-    session.workspace.join("discoveries").join(format!("revision_{revision}.json"))
 }
 
 /// How often effects injected into these recordings are identified correctly.

@@ -1,8 +1,9 @@
 //! `effect list | show | add | remove`: the effects that a model can hold, and the revisions that
 //! add or remove them.
 
+use crate::answers::to_add_from;
 use crate::compare::compare;
-use crate::discover::{Kept, Volume, looked_at};
+use crate::discover::{Volume, looked_at};
 pub use crate::history::{History, HistoryCoefficient, HistoryRow, history, reached};
 use crate::joint_laws::{joint_errors, refuse_without_torques};
 use crate::scene::scene;
@@ -197,7 +198,7 @@ pub fn add(
         }
         None => session,
     };
-    change(session, wait, progress, |session, all, notes| {
+    let done = change(session, wait, progress, |session, all, notes| {
         if let Some(path) = &written {
             notes.push(format!("the law is an effect of your own now: {}", path.display()));
         }
@@ -250,11 +251,16 @@ pub fn add(
         next.doubted.extend(doubt.map(|why| (key.clone(), why)));
         next.confusable.extend(as_well.filter(|others| !others.is_empty()).map(|others| (key, others)));
         Ok(next)
-    })
+    });
+    if let (Err(_), Some(path)) = (&done, &written) {
+        // a law that is not added leaves no file of its own; why it was not is the message
+        let _ = std::fs::remove_file(path);
+    }
+    done
 }
 
-/// The last discovery of a workspace, from which effects take the values of their nonlinear
-/// parameters.
+/// The discovery of a workspace from which effects take the values of their nonlinear parameters:
+/// that for the present model, otherwise the last one.
 #[derive(Debug, Default)]
 pub struct Asked {
     /// The answer; none if nothing was asked.
@@ -267,8 +273,7 @@ pub struct Asked {
 impl Asked {
     /// Reads what is stored in the workspace.
     pub fn read(session: &SubjectSession) -> Result<Self, PipelineError> {
-        let kept: Option<Kept<Discovery>> = seal::read_if_there(&session.workspace.join("discovery.json"))?;
-        let (found, made_from) = kept.map(|k| (k.answer, k.made_from)).unzip();
+        let (found, made_from) = to_add_from(session)?.map(|k| (k.answer, k.made_from)).unzip();
         let volume = seal::read_if_there(&session.workspace.join("discovery_volume.json"))?;
         Ok(Self { found, made_from, volume })
     }
@@ -369,8 +374,7 @@ fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, Pip
     }
     let own = session.own_effects.iter().find(|o| o.spec.id == key);
     let known = own.is_some() || EFFECTS.iter().any(|e| e.is_called(key));
-    let found: Option<Kept<Discovery>> = seal::read_if_there(&session.workspace.join("discovery.json"))?;
-    let law = found.and_then(|d| d.answer.open).and_then(|o| o.laws.into_iter().find(|l| l.id == key));
+    let law = to_add_from(session)?.and_then(|d| d.answer.open).and_then(|o| o.laws.into_iter().find(|l| l.id == key));
     if let (Some(law), Some(own)) = (&law, own)
         && !law.effect.is_same_law(&own.spec)
     {

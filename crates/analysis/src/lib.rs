@@ -1,6 +1,7 @@
 //! Computations behind the commands other than `run`. Results are plain data, which the binary
 //! renders.
 
+pub mod answers;
 pub mod asked_before;
 pub mod assess;
 pub mod audit;

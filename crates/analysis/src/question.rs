@@ -1,10 +1,10 @@
 //! What an answer of `discover` rests on, as one hash: the results of all stages, what the pipeline
 //! and the files beside it say, the effects of the model, the options, and the program.
 
+use crate::promise::with_reference;
 use aloft_discover::DiscoverOptions;
 use aloft_pipeline::graph::results_hash;
 use aloft_pipeline::stages::STAGES;
-use aloft_study::revision::Revisions;
 use aloft_study::subject_session::{FileSizes, SubjectSession};
 use aloft_workspace::workspace::Workspace;
 use std::fs::File;
@@ -18,12 +18,12 @@ pub(crate) fn question(session: &SubjectSession, options: &DiscoverOptions) -> O
     }
     let results = STAGES.iter().flat_map(|stage| stage.tasks(session).into_iter().map(|trial| (stage.name, trial)));
     let results = results_hash(&Workspace::open(&session.workspace), results);
-    let revisions = Revisions::load(&session.workspace).ok()?;
-    // read when first asked for, and no part of the question
-    let asked = SubjectSession { sizes: FileSizes::default(), ..session.clone() };
+    // The model with what its columns are computed from: the way to it is no part of the question,
+    // so that a model that comes back has its answer. Sizes of files are read when first asked for.
+    let asked = SubjectSession { sizes: FileSizes::default(), ..with_reference(session).ok()? };
     let mut hasher = blake3::Hasher::new();
     hasher.update(program()?.as_bytes()).update(results.as_bytes());
-    hasher.update(format!("{asked:?}\n{revisions:?}\n{options:?}").as_bytes());
+    hasher.update(format!("{asked:?}\n{options:?}").as_bytes());
     Some(hasher.finalize().to_hex().to_string())
 }
 

@@ -1,7 +1,8 @@
 //! The data of the page, read from the workspace once.
 
+use aloft_analysis::answers::of_revisions;
 use aloft_analysis::compare::{ComparisonView, compare};
-use aloft_analysis::discover::{Kept, answer_of, looked_at};
+use aloft_analysis::discover::{Kept, looked_at};
 use aloft_analysis::freshness::{Freshness, freshness};
 use aloft_analysis::history::{History, history};
 use aloft_analysis::kinematics::{KinematicsRow, kinematics};
@@ -15,6 +16,7 @@ use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::import::ImportRecord;
 use aloft_signal::residual_analysis::ResidualAnalysis;
 use aloft_study::commands::command;
+use aloft_study::revision::Revisions;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::load_motion;
 use aloft_workspace::error::{PipelineError, StageFailure};
@@ -43,8 +45,8 @@ pub struct Story<'a> {
     pub comparison: Option<ComparisonView>,
     /// The identified parameters.
     pub found: Option<ParametersView>,
-    /// Answers of `discover` for each revision of the model, oldest first: number of the revision
-    /// and answer.
+    /// Answers of `discover` for each model of the history: number of the last revision that holds
+    /// it, and answer; in the order of these numbers.
     pub discoveries: Vec<(usize, Kept<Discovery>)>,
     /// Hash of the results that `discover` would read.
     pub looked_at: String,
@@ -181,16 +183,13 @@ fn against_floor(c: &aloft_compare::Comparison, trial: &str) -> Option<TrialAgai
     [flight, contact].into_iter().flatten().max_by(|a, b| a.times_floor.total_cmp(&b.times_floor))
 }
 
-/// The answers stored for each revision of the model; if there are none, the latest answer.
+/// The answers stored for each model of the history; if there are none, the latest answer.
 fn discoveries(session: &SubjectSession) -> Result<Vec<(usize, Kept<Discovery>)>, PipelineError> {
-    let revisions = aloft_study::revision::Revisions::load(&session.workspace)?.revisions.len();
-    let mut all: Vec<(usize, Kept<Discovery>)> = Vec::new();
-    for n in 0..revisions {
-        all.extend(seal::read_if_there(&answer_of(session, n))?.map(|answer| (n, answer)));
-    }
+    let mut all = of_revisions(session)?;
     if all.is_empty()
         && let Some(last) = seal::read_if_there(&session.workspace.join("discovery.json"))?
     {
+        let revisions = Revisions::load(&session.workspace)?.revisions.len();
         all.push((revisions.saturating_sub(1), last));
     }
     Ok(all)
