@@ -76,23 +76,38 @@ impl Corrections {
             }
             done.push(format!("plates moved by {:+.1} ms", -1e3 * self.plate_delay_s));
         }
-        if !no_tilt(&self.vertical_deg) {
-            self.upright(trial);
-            let [x, y] = self.vertical_deg;
-            done.push(format!("turned by {:.2}° to the vertical of free fall", x.hypot(y)));
+        if let Some(turn) = self.turn() {
+            Self::upright(turn, trial);
+            done.push(self.turned());
         }
-        if !is_one(&self.rate_ratio) {
-            trial.markers.rate_hz *= self.rate_ratio;
-            trial.plates.iter_mut().for_each(|p| p.rate_hz *= self.rate_ratio);
-            trial.events.iter_mut().for_each(|e| e.time_s /= self.rate_ratio);
+        if let Some(ratio) = self.rate() {
+            trial.markers.rate_hz *= ratio;
+            trial.plates.iter_mut().for_each(|p| p.rate_hz *= ratio);
+            trial.events.iter_mut().for_each(|e| e.time_s /= ratio);
             done.push(format!("rate {:.3} Hz", trial.markers.rate_hz));
         }
         done
     }
 
-    /// Turns the recording about the world origin so that the stated direction of fall is −z.
-    fn upright(&self, trial: &mut Trial) {
-        let turn = fall_direction(self.vertical_deg).inverse();
+    /// What a turn did, in words.
+    pub fn turned(&self) -> String {
+        let [x, y] = self.vertical_deg;
+        format!("turned by {:.2}° to the vertical of free fall", x.hypot(y))
+    }
+
+    /// Turn about the world origin that makes the stated direction of fall −z; none if nothing is
+    /// turned.
+    pub fn turn(&self) -> Option<Rotation3<f64>> {
+        (!no_tilt(&self.vertical_deg)).then(|| fall_direction(self.vertical_deg).inverse())
+    }
+
+    /// True rate over stated rate; none if it is not corrected.
+    pub fn rate(&self) -> Option<f64> {
+        (!is_one(&self.rate_ratio)).then_some(self.rate_ratio)
+    }
+
+    /// Turns the recording about the world origin.
+    fn upright(turn: Rotation3<f64>, trial: &mut Trial) {
         let point = |p: &mut Vector3<f64>| *p = turn * *p;
         trial.markers.trajectories.iter_mut().flatten().for_each(point);
         for plate in &mut trial.plates {

@@ -20,7 +20,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "import",
-    version: 10,
+    version: 11,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set (robots: joint log, base pose)",
@@ -82,7 +82,7 @@ pub struct ImportRecord {
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
     let Params { import, marker_set, corrections, robot } = params;
     if let Some(robot) = robot {
-        return super::robot::import(robot, import, inputs);
+        return super::robot::import(robot, import, corrections, inputs);
     }
     let recording = inputs.recording()?;
     let mut trial = read_recording(import, recording)?;

@@ -16,13 +16,14 @@ use aloft_study::config::ImportConfig;
 use aloft_study::facts::Facts;
 use aloft_study::recordings::{base_beside, markers_beside};
 use aloft_study::robot::RobotSetup;
-use aloft_trial::{Markers, Trial};
+use aloft_trial::{Corrections, Markers, Trial};
 use aloft_workspace::artifact::{save_motion, save_trial};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::json::{read_json, write_json};
 use aloft_workspace::qc::QcReason;
 use aloft_workspace::table::{Table, read_numbers};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
+use serde_json::json;
 use std::path::Path;
 
 /// Ratio of the mass from the scale to that of the model's links which cannot be one robot.
@@ -67,11 +68,19 @@ pub struct Logged {
     pub markers: Option<(PoseNoise, Vec<LinkMarker>)>,
     /// Remarks.
     pub remarks: Vec<String>,
+    /// What corrections did, in words.
+    pub corrected: Vec<String>,
 }
 
 /// Reads a log with the recording of its base: a table beside it, poses in it, or markers on the
-/// base.
-pub fn read(robot: &RobotSetup, import: &ImportConfig, recording: &Recording) -> Result<Logged, StageFailure> {
+/// base. `corrections` are applied, as to recordings of markers.
+pub fn read(
+    robot: &RobotSetup,
+    import: &ImportConfig,
+    corrections: &Corrections,
+    recording: &Recording,
+) -> Result<Logged, StageFailure> {
+    refuse_corrections_of_plates(corrections)?;
     let (log, poses) = if recording.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
         let shown = recording.file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let bytes = std::fs::read(&recording.file).map_err(PipelineError::io("read", &recording.file))?;
@@ -83,20 +92,60 @@ pub fn read(robot: &RobotSetup, import: &ImportConfig, recording: &Recording) ->
     if let Some(first) = unknown_contacts(&log, &robot.model).first() {
         remarks.push(format!("the column `{first}` names no link of {}: it is not read", robot.model.file));
     }
-    let log = RobotLog::of(&log, &robot.model).map_err(|e| failed(&e))?;
+    let mut log = RobotLog::of(&log, &robot.model).map_err(|e| failed(&e))?;
+    let start_s = log.time_s[0];
     let mut markers = None;
-    let base = match (base_beside(&recording.file), markers_beside(&recording.file)) {
+    let mut base = match (base_beside(&recording.file), markers_beside(&recording.file)) {
         (Some(file), _) => Some(BaseLog::of(&columns(&file)?).map_err(|e| failed(&e))?),
         (None, Some(file)) if poses.is_none() && log.base.is_none() => {
-            let found = from_markers(robot, import, recording, &file, log.time_s[0])?;
+            let found = from_markers(robot, import, corrections, recording, &file, start_s)?;
             remarks.extend(found.remarks);
             markers = Some((found.noise, found.others));
             Some(found.base)
         }
         _ => poses.map(|b| BaseLog::of(&b)).transpose().map_err(|e| failed(&e))?,
     };
+    if let Some(base) = base.as_mut().filter(|_| markers.is_none()) {
+        correct_base(corrections, base, start_s);
+    }
+    if let Some(base) = &mut log.base {
+        correct_base(corrections, base, start_s);
+    }
+    at_true_rate(corrections, &mut log.time_s, start_s);
+    let corrected = corrections.turn().map(|_| corrections.turned()).into_iter();
+    let corrected =
+        corrected.chain(corrections.rate().map(|ratio| format!("times of the clock divided by {ratio}"))).collect();
     remarks.extend(check(&log, base.as_ref(), &robot.model).map_err(|e| failed(&e))?);
-    Ok(Logged { log, base, markers, remarks })
+    Ok(Logged { log, base, markers, remarks, corrected })
+}
+
+/// A robot's recordings have no force plates.
+fn refuse_corrections_of_plates(corrections: &Corrections) -> Result<(), StageFailure> {
+    if corrections.plate_delay_s == 0.0 && corrections.plate_zero.is_empty() {
+        return Ok(());
+    }
+    let key = if corrections.plate_zero.is_empty() { "plate_delay_s" } else { "plate_zero" };
+    Err(StageFailure::with_hint(
+        format!("`corrections: {key}` corrects force plates, and a robot's recordings have none"),
+        "take it out; `vertical_deg`, `rate_ratio` and `mass_kg` hold for robots",
+    ))
+}
+
+/// Times of a clock at the true rate, from the start of the log on.
+fn at_true_rate(corrections: &Corrections, time_s: &mut [f64], start_s: f64) {
+    if let Some(ratio) = corrections.rate() {
+        time_s.iter_mut().for_each(|t| *t = start_s + (*t - start_s) / ratio);
+    }
+}
+
+/// Poses of a base in the room with the true vertical, at the true rate. What the robot's own
+/// sensors measure is in its own axes, and is not turned.
+fn correct_base(corrections: &Corrections, base: &mut BaseLog, start_s: f64) {
+    at_true_rate(corrections, &mut base.time_s, start_s);
+    if let Some(turn) = corrections.turn() {
+        base.position_m.iter_mut().for_each(|p| *p = turn * *p);
+        base.rotation.iter_mut().for_each(|r| *r = UnitQuaternion::from_rotation_matrix(&turn) * *r);
+    }
 }
 
 /// The base from the markers beside a log; the clock of the file starts with that of the log until
@@ -104,12 +153,14 @@ pub fn read(robot: &RobotSetup, import: &ImportConfig, recording: &Recording) ->
 fn from_markers(
     robot: &RobotSetup,
     import: &ImportConfig,
+    corrections: &Corrections,
     recording: &Recording,
     file: &Path,
     start_s: f64,
 ) -> Result<BaseFromMarkers, StageFailure> {
     let beside = Recording { file: file.to_owned(), forces: None, ..recording.clone() };
-    let trial = read_recording(import, &beside)?;
+    let mut trial = read_recording(import, &beside)?;
+    corrections.apply(&mut trial);
     let shown = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let markers = MarkerRecording {
         file: &shown,
@@ -208,11 +259,15 @@ pub fn load_log(
 pub fn import(
     robot: &RobotSetup,
     import: &ImportConfig,
+    corrections: &Corrections,
     inputs: &StageInputs<'_>,
 ) -> Result<StageReport, StageFailure> {
     let recording = inputs.recording()?;
-    let Logged { log, base, markers, remarks } = read(robot, import, recording)?;
+    let Logged { log, base, markers, remarks, corrected } = read(robot, import, corrections, recording)?;
     let mut done = StageReport::default();
+    if !corrected.is_empty() {
+        done.note("corrected", json!(corrected));
+    }
     if let Some((noise, _)) = &markers {
         done.note("marker_noise_mm", noise.marker_m * 1e3);
         write_json(&inputs.out.join(MARKERS), &markers)?;
