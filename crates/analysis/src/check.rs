@@ -5,7 +5,9 @@ mod findings;
 pub use self::findings::Finding;
 
 pub(crate) use self::findings::{Remark, findings};
+use crate::answers;
 use crate::corrections::{Offer, offers};
+use crate::explanations::{Explanation, explanations};
 use crate::session_check::{SessionCheck, session_check};
 use aloft_pipeline::corrected::refuse_unknown_plates;
 use aloft_pipeline::graph::Recording;
@@ -37,6 +39,9 @@ pub struct Check {
     /// Corrections that these measurements offer; applied only where the pipeline's `corrections`
     /// say so.
     pub offers: Vec<Offer>,
+    /// What explains the lines of the session check that differ: corrections and effects, the
+    /// likelier first.
+    pub explanations: Vec<Explanation>,
 }
 
 /// One recording.
@@ -130,7 +135,9 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
     }
     let measured = session_check(session);
     let offers = offers(&as_made(session), &measured);
-    Ok(Check { version: 1, trials, findings, remarks, session: measured, offers })
+    let asked = answers::present(session)?.map(|kept| kept.answer);
+    let explanations = explanations(session, &measured, &offers, asked.as_ref());
+    Ok(Check { version: 1, trials, findings, remarks, session: measured, offers, explanations })
 }
 
 /// Reads one recording; its row, and its remarks with their kinds.
@@ -163,7 +170,12 @@ fn check_one(session: &SubjectSession, entry: &TrialEntry) -> (CheckRow, Vec<Rem
 fn read_one(session: &SubjectSession, entry: &TrialEntry, row: &mut CheckRow) -> Result<Vec<Remark>, StageFailure> {
     if let Some(robot) = &session.robot {
         let import = session.import_of(Some(entry));
-        let read = aloft_pipeline::stages::robot::read(robot, import, &Recording::of(entry))?;
+        let read = aloft_pipeline::stages::robot::read(
+            robot,
+            import,
+            &session.config.corrections.of_recordings(),
+            &Recording::of(entry),
+        )?;
         row.frames = Some(read.log.time_s.len());
         row.rate_hz = Some(1.0 / read.log.interval_s());
         row.plates = Some(0);

@@ -5,9 +5,9 @@
 //! than the last revision has is a revision of its own: the effects stay, the measurements change.
 
 use crate::compare::compare;
+use crate::explanations::key_may_change;
 use crate::history::{made_for, reached};
 use crate::session_check::{LineStatus, SessionCheck, SessionLine};
-use aloft_effects::EFFECTS;
 use aloft_flight::{FlightReport, PlateTare, TareSource};
 use aloft_pipeline::made::as_made;
 use aloft_study::config::CorrectionsConfig;
@@ -38,27 +38,14 @@ const SAME_ZERO_N: f64 = 3.0;
 /// Smallest zero worth correcting, N.
 const LEAST_ZERO_N: f64 = 2.0;
 
-/// True if measurements differ from what was stated, and the model holds effects that may be the
-/// reason: no correction is offered for them.
-pub fn explained_by_effects(session: &SubjectSession, check: &SessionCheck) -> bool {
-    check.lines.iter().any(|l| l.status == LineStatus::Differs && may_be_an_effect(session, l.id))
-}
-
-/// True if an effect of the model may be the reason of a difference: of the mass by impulse any
-/// effect (a force, or a gain of the plates), of the vertical and free fall one that acts in
-/// flight.
+/// True if an effect of the model may be the reason of a difference.
 fn may_be_an_effect(session: &SubjectSession, line: &str) -> bool {
-    let in_flight = |id: &str| EFFECTS.iter().find(|e| e.is_called(id)).is_none_or(|e| e.acts().in_flight());
-    match line {
-        "impulse_mass" => !session.effects.is_empty(),
-        "vertical" | "free_fall" => session.effects.iter().any(|e| in_flight(e.id())),
-        _ => false,
-    }
+    session.effects.iter().any(|e| key_may_change(&e.key, line))
 }
 
 /// The corrections that a session's measurements offer; those that its results already contain are
 /// not offered again, since the measurements then agree. The measurements do not use the model, so
-/// what an effect of the model may have caused is not offered ([`explained_by_effects`]).
+/// what an effect of the model may have caused is not offered ([`crate::explanations`]).
 pub fn offers(session: &SubjectSession, check: &SessionCheck) -> Vec<Offer> {
     let mut out = Vec::new();
     let differs = |l: &&SessionLine| l.status == LineStatus::Differs && !may_be_an_effect(session, l.id);

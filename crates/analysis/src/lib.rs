@@ -12,6 +12,7 @@ pub mod discover;
 mod drawn_errors;
 pub mod effect;
 pub mod estimators;
+pub mod explanations;
 pub mod export;
 pub mod freshness;
 pub mod held_out;

@@ -2,9 +2,13 @@
 //! propose the same.
 
 use crate::compare::ComparisonView;
+use crate::corrections::offers;
 use crate::discover::{earlier, latest};
+use crate::explanations::{Explanation, explanations, instead_of};
 use crate::history::not_shown;
+use crate::session_check::session_check;
 use aloft_discover::{Discovery, Verdict};
+use aloft_pipeline::made::as_made;
 use aloft_study::subject_session::SubjectSession;
 
 /// What to do next.
@@ -67,6 +71,9 @@ pub struct Answers<'a> {
     /// Key of an effect of the model that the recordings do not show
     /// ([`crate::history::HistoryRow::not_shown`]).
     pub not_shown: Option<&'a str>,
+    /// What explains measurements that differ from what was stated, where the present answer cannot
+    /// tell an effect from others ([`rivals`]).
+    pub explanations: &'a [Explanation],
 }
 
 /// True if some error is not at its floor.
@@ -86,12 +93,23 @@ pub fn next_step(session: &SubjectSession, view: &ComparisonView, current: bool)
     let present = latest(session);
     let before = if present.is_none() { earlier(session) } else { None };
     let not_shown = not_shown(session);
+    let explanations = rivals(session, present.as_ref());
     let answers = Answers {
         present: present.as_ref(),
         earlier: before.as_ref().map(|(d, keys)| (d, &keys[..])),
         not_shown: not_shown.as_deref(),
+        explanations: &explanations,
     };
     step(view, answers, &held)
+}
+
+/// What explains measurements that differ from what was stated, corrections among it; nothing
+/// unless the answer cannot tell an effect from others, of which a correction may be one.
+pub fn rivals(session: &SubjectSession, answer: Option<&Discovery>) -> Vec<Explanation> {
+    let Some(d) = answer.filter(|d| d.verdict == Verdict::OneOf) else { return Vec::new() };
+    let made = as_made(session);
+    let checked = session_check(&made);
+    explanations(&made, &checked, &offers(&made, &checked), Some(d))
 }
 
 /// The first effect or law that an answer names and the model does not hold. What is not shown to
@@ -157,8 +175,21 @@ pub fn step(view: &ComparisonView, answers: Answers<'_>, held: &[&str]) -> NextS
             (false, false) => record.map_or(NextStep::Use, NextStep::Record),
         };
     };
-    if let Some(next) = to_add(d, held) {
-        return next;
+    match to_add(d, held) {
+        Some(NextStep::Add { key, because: Because::OneOf }) => {
+            return match instead_of(answers.explanations, &key) {
+                Some(correction) => NextStep::Correct {
+                    what: format!(
+                        "the correction `{}` explains the same as `{key}`: `aloft check` lists both, the likelier first",
+                        correction.key
+                    ),
+                    offered: true,
+                },
+                None => NextStep::Add { key, because: Because::OneOf },
+            };
+        }
+        Some(next) => return next,
+        None => {}
     }
     let joint = d.joints.as_ref().and_then(|j| {
         let key = j.found.iter().map(|f| &f.key).find(|k| !held.contains(&k.as_str()))?;

@@ -219,8 +219,26 @@ pub fn next(view: &DiscoveryView, session: &SubjectSession, current: bool, at: &
         for other in all.into_iter().filter(|k| *k != key) {
             command("then", &next::add(other, &session.id, at));
         }
+        if *because == Because::OneOf {
+            for other in as_likely(d, key) {
+                command("or", &next::add(other, &session.id, at));
+            }
+        }
     }
     Ok(())
+}
+
+/// Keys of the effects that the recordings cannot tell from the one that is proposed, those that
+/// leave less of the error first.
+fn as_likely<'d>(d: &'d Discovery, key: &str) -> Vec<&'d String> {
+    let id = key.split('[').next().unwrap_or(key);
+    let class = d.groups.iter().find(|g| g.effects.iter().any(|e| e == id));
+    let is_found = |id: &str| d.found.iter().any(|f| f.effect == id);
+    let others = class.into_iter().flat_map(|g| &g.effects).filter(|e| *e != id && !is_found(e));
+    let mut all: Vec<&Candidate> =
+        others.filter_map(|id| d.candidates.iter().find(|c| c.effect == *id && !c.placebo)).collect();
+    all.sort_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio));
+    all.into_iter().map(|c| &c.key).collect()
 }
 
 /// The error of the model now, and with the effects found.

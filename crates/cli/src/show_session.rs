@@ -1,11 +1,15 @@
 //! Prints what the recordings of a session say about themselves, and the corrections that follow.
 
-use crate::render::{note, out};
+use crate::args::PipelineArgs;
+use crate::next;
+use crate::render::{command, note, out};
 use crate::screen::table;
 use crate::stop::Stop;
 use aloft_analysis::corrections;
+use aloft_analysis::explanations::{self, Explanation, Reason};
 use aloft_analysis::session_check::{LineStatus, SessionCheck};
 use aloft_study::quote::visible;
+use aloft_study::recordings::SessionId;
 
 /// The session check, where the recordings have been processed.
 pub fn session_check(checked: &SessionCheck) -> Result<(), Stop> {
@@ -38,6 +42,15 @@ pub fn offers(offers: &[corrections::Offer]) -> Result<(), Stop> {
     }
     note("these corrections are offered; nothing is corrected unless the pipeline says so:");
     out(fitted(&corrections::to_yaml(offers)))
+}
+
+/// What explains the lines that differ, and the commands that add the effects among it.
+pub fn explanations(all: &[Explanation], id: &SessionId, args: &PipelineArgs) {
+    let Some(words) = explanations::in_words(all) else { return };
+    note(words);
+    for found in all.iter().filter(|e| e.reason == Reason::Found) {
+        command("effect", &next::add(&found.key, id, args));
+    }
 }
 
 /// YAML with control characters of names made visible, and comments wrapped to the terminal's

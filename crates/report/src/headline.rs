@@ -6,7 +6,7 @@ use super::story::Story;
 use super::sureness::{how_sure, laws, missing, named, with_links};
 use super::wording::{count, number};
 use aloft_analysis::compare::ComparisonView;
-use aloft_analysis::next_step::{Because, NextStep, step};
+use aloft_analysis::next_step::{Because, NextStep, rivals, step};
 use aloft_analysis::parameters::ParametersView;
 use aloft_compare::{Comparison, GroupedBy, Reserve, growth};
 use aloft_discover::Verdict;
@@ -252,7 +252,8 @@ fn next(story: &Story<'_>) -> Fact {
         return with("Search for missing effects.", command(s, "status", None));
     };
     let held: Vec<&str> = effects(story).iter().map(String::as_str).collect();
-    match step(view, answers(story), &held) {
+    let explanations = rivals(story.session, asked(story));
+    match step(view, answers(story, &explanations), &held) {
         NextStep::Run => with("Bring the results up to date.", command(s, "run", None)),
         NextStep::Correct { what, offered } => {
             let verb = if offered { "check" } else { "run" };

@@ -4,6 +4,7 @@
 use super::lights;
 use super::story::Story;
 use aloft_analysis::compare::JudgedOn;
+use aloft_analysis::explanations::Explanation;
 use aloft_analysis::held_out::HeldOutError;
 use aloft_analysis::history::HistoryRow;
 use aloft_analysis::next_step::Answers;
@@ -109,7 +110,7 @@ pub fn asked<'s>(story: &'s Story<'_>) -> Option<&'s Discovery> {
 }
 
 /// The answers of `discover` on these results, for the present model and for an earlier one.
-pub fn answers<'s>(story: &'s Story<'_>) -> Answers<'s> {
+pub fn answers<'s>(story: &'s Story<'_>, explanations: &'s [Explanation]) -> Answers<'s> {
     let revisions = &story.history.revisions;
     let present = revisions.last().map_or(0, |r| r.revision);
     let earlier = story.discoveries.iter().rev().find(|(n, d)| *n < present && d.made_from == story.looked_at);
@@ -118,6 +119,7 @@ pub fn answers<'s>(story: &'s Story<'_>) -> Answers<'s> {
         present: asked(story),
         earlier: earlier.and_then(|(n, d)| Some((&d.answer, held(*n)?))),
         not_shown: revisions.last().and_then(|r| r.not_shown.as_deref()),
+        explanations,
     }
 }
 

@@ -1,9 +1,10 @@
 //! Consistency of the recordings, before any model is judged: the session check.
 
 use super::headline::sentence_of;
-use super::place_errors::{asked, effects};
+use super::place_errors::asked;
 use super::story::Story;
-use aloft_analysis::corrections::{explained_by_effects, offers, to_yaml};
+use aloft_analysis::corrections::{offers, to_yaml};
+use aloft_analysis::explanations::{explanations, in_words};
 use aloft_analysis::session_check::{LineStatus, session_check};
 use aloft_page::{Block, Cell, Light, Section, Table};
 
@@ -35,19 +36,17 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     let caption =
         "From the recordings alone; no identified model is used. Lines without an interval are plain readings.";
     let mut blocks = vec![Table::new("Session check", caption, &header, rows).into()];
-    if explained_by_effects(story.session, &checked) {
-        blocks.push(Block::text(
-            "Some measurements differ, and no correction is offered for them: they do not use the model, and an effect that it holds may be the reason.",
-        ));
-    }
     let offered = offers(story.session, &checked);
     if !offered.is_empty() {
         blocks.push(Block::text(
             "These measurements offer corrections. Nothing is corrected unless the pipeline says so; each is then a rung of the ladder. A force \
-             that acts on the body in flight (a rope, a draught) changes mass, rate and vertical as measured here, too: if `discover` names one, \
-             add it first and check again.",
+             that acts on the body in flight (a rope, a draught) changes mass, rate and vertical as measured here, too: `discover` ranks such \
+             effects.",
         ));
         blocks.push(Block::code(to_yaml(&offered)));
+    }
+    if let Some(words) = in_words(&explanations(story.session, &checked, &offered, asked(story))) {
+        blocks.push(Block::text(sentence_of(&words)));
     }
     Some(Section::new("session", "Consistency of the recordings", "", blocks))
 }
@@ -75,7 +74,8 @@ pub fn brief(story: &Story<'_>) -> Option<String> {
         n => format!("; {n} more"),
     };
     let text = differs.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join("; ");
-    let acts = !effects(story).is_empty() || asked(story).is_some_and(|d| !d.found.is_empty());
-    let why = checked.changed_by_a_force(acts).map_or(String::new(), |words| format!(" {words}"));
+    let offered = offers(story.session, &checked);
+    let why = in_words(&explanations(story.session, &checked, &offered, asked(story)));
+    let why = why.map_or(String::new(), |words| format!(" {}", sentence_of(&words)));
     (!differs.is_empty()).then(|| sentence_of(&format!("{text}{more}")) + &why + " The session check below says more.")
 }

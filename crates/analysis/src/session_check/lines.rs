@@ -55,16 +55,3 @@ pub struct SessionCheck {
     /// Lines, in the order of reading; empty before a run.
     pub lines: Vec<SessionLine>,
 }
-
-impl SessionCheck {
-    /// What a force that acts in flight does to these lines, where lines that assume free fall
-    /// differ and such a force is in the model or was found (`acts`).
-    pub fn changed_by_a_force(&self, acts: bool) -> Option<&'static str> {
-        let falls = |l: &SessionLine| {
-            l.status == LineStatus::Differs && ["impulse_mass", "free_fall", "vertical"].contains(&l.id)
-        };
-        (acts && self.lines.iter().any(falls))
-            .then_some("The model holds a force in flight, or `discover` found one. It changes mass, rate and vertical as measured \
-             here: lines that differ may be its effect, and nothing is to be corrected from them alone.")
-    }
-}

@@ -10,7 +10,7 @@ use crate::stop::Stop;
 use crate::{Success, next, show_session};
 use aloft_analysis::freshness::freshness;
 use aloft_analysis::next_step::{NextStep, next_step};
-use aloft_analysis::{check, compare, discover};
+use aloft_analysis::{check, compare};
 use aloft_compare::Signal;
 use aloft_study::quote::visible;
 use aloft_study::subject_session::SubjectSession;
@@ -71,11 +71,8 @@ fn show_one(session: &SubjectSession, args: &PipelineArgs, details: bool) -> Res
     }
     out(t)?;
     show_session::session_check(&found.session)?;
-    let found_one = || discover::latest(session).is_some_and(|d| !d.found.is_empty());
-    if let Some(words) = found.session.changed_by_a_force(!session.effects.is_empty() || found_one()) {
-        note(words);
-    }
     show_session::offers(&found.offers)?;
+    show_session::explanations(&found.explanations, &session.id, args);
     if details {
         for row in found.trials.iter().filter(|r| r.broken).chain(found.trials.iter().filter(|r| !r.broken)) {
             for remark in &row.remarks {
