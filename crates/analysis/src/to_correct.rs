@@ -7,7 +7,7 @@
 use crate::impulse_mass::ImpulseMassView;
 use crate::kinematics::KinematicsRow;
 use crate::plates_follow::plates_follow;
-use aloft_compare::{Comparison, TrialComparison, significant};
+use aloft_compare::{Comparison, GroupedBy, TrialComparison, significant};
 use aloft_flight::FlightReport;
 use aloft_scale::{ScaleReport, ScaleWarning};
 use aloft_signal::median;
@@ -67,6 +67,7 @@ pub(crate) fn to_correct(
     };
     markers(comparison, rows, weight_n)
         .or_else(|| of_static(ws))
+        .or_else(|| of_floors(&floors(comparison)))
         .or_else(|| of_falls(&falls(session, ws)))
         .or_else(|| plates_follow(ws, &comparison.first.trials, &comparison.first.model))
         .or_else(wrong_mass)
@@ -127,6 +128,57 @@ fn markers(comparison: &Comparison, rows: &[KinematicsRow], weight_n: f64) -> Op
         100.0 * share
     );
     Some(ToCorrect { words, first: true, void: true, offered: false })
+}
+
+/// Floor of a recording over that of the session's others of the same kind from which it is spoilt:
+/// what its own markers leave is then most of the session's floor, and hides as much in all others.
+const FLOOR_OF_OTHERS: f64 = 2.0;
+/// Fewest others of the same kind.
+const FEWEST_OTHERS: usize = 2;
+
+/// The noise floor of each recording, N: what the errors of its own markers and plates leave.
+fn floors(comparison: &Comparison) -> Vec<(&str, f64)> {
+    let groups = comparison.noise_floor.iter().flat_map(|f| &f.groups);
+    let of_trials = groups.filter(|g| g.by == GroupedBy::Trial && g.windows.windows > 0);
+    of_trials.map(|g| (g.name.as_str(), g.windows.size())).filter(|(_, n)| *n > 0.0).collect()
+}
+
+/// Kind of a recording by its name: `jump` of `jump01`, `squat` of `squat_2`.
+fn kind(name: &str) -> &str {
+    name.trim_end_matches(|c: char| c.is_ascii_digit() || matches!(c, '_' | '-' | ' ' | '.'))
+}
+
+/// Recordings whose floor stands out from those of the same kind.
+fn of_floors(floors: &[(&str, f64)]) -> Option<ToCorrect> {
+    let others = |name: &str| -> Vec<f64> {
+        floors.iter().filter(|(n, _)| *n != name && kind(n) == kind(name)).map(|f| f.1).collect()
+    };
+    let odd: Vec<(&str, f64, f64)> = floors
+        .iter()
+        .filter_map(|&(name, own)| {
+            let mut others = others(name);
+            let enough = others.len() >= FEWEST_OTHERS;
+            let usual = enough.then(|| median(&mut others))?;
+            (own > FLOOR_OF_OTHERS * usual).then_some((name, own, usual))
+        })
+        .collect();
+    if odd.is_empty() {
+        return None;
+    }
+    let newtons = |n: f64| significant(n, 3);
+    let each = odd.iter().take(NAMED);
+    let mut names: Vec<String> = each
+        .map(|(name, own, usual)| format!("{name} ({} N, {} N in others like it)", newtons(*own), newtons(*usual)))
+        .collect();
+    if odd.len() > NAMED {
+        names.push(format!("{} more", odd.len() - NAMED));
+    }
+    let words = format!(
+        "check or exclude {}: the errors of its own markers or plates raise the floor of the whole session, which hides what is as \
+         large elsewhere (a marker that stands still, jumps or is another one)",
+        names.join(", ")
+    );
+    Some(ToCorrect { words, first: true, void: false, offered: false })
 }
 
 /// Free fall of one recording.
@@ -233,6 +285,21 @@ mod tests {
     fn fall(trial: &str, ratio: f64, leans_deg: f64) -> Fall {
         let differs = (ratio - 1.0).abs() > 0.02 || leans_deg > 1.0;
         Fall { trial: trial.to_owned(), ratio, leans_deg, differs }
+    }
+
+    #[test]
+    fn a_recording_whose_floor_stands_out_from_others_like_it_is_named() {
+        let jumps = [("jump01", 190.0), ("jump02", 10.9), ("jump03", 12.0), ("jump04", 9.8)];
+        let found = of_floors(&jumps).unwrap();
+        assert!(
+            found.first && found.words.starts_with("check or exclude jump01 (190 N, 10.9 N in others like it)"),
+            "{}",
+            found.words
+        );
+        // a kind of its own, too few of a kind, and what differs by less
+        assert_eq!(of_floors(&[("jump01", 10.0), ("jump02", 11.0), ("walk01", 40.0), ("walk02", 44.0)]), None);
+        assert_eq!(of_floors(&[("jump01", 40.0), ("jump02", 11.0)]), None);
+        assert_eq!(of_floors(&[("jump01", 19.0), ("jump02", 10.0), ("jump03", 11.0)]), None);
     }
 
     #[test]
