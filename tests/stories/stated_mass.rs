@@ -91,6 +91,58 @@ fn a_mass_that_the_plates_contradict_comes_first() {
     assert!(json(&["compare", &path, "--workspace", &ws, "--json"])["impulse_mass"]["wrong"].is_null());
 }
 
+/// Objects may weigh grams, and their description states the mass where no file beside the
+/// recordings does. A person of this mass is refused in words.
+#[test]
+fn an_object_may_weigh_50_g_and_a_person_may_not() {
+    let dir = folder();
+    let data = dir.path().join("data");
+    fs::create_dir(&data).unwrap();
+    for file in fs::read_dir(repo("fixtures/demo")).unwrap().map(|f| f.unwrap().path()) {
+        if file.extension().is_some_and(|e| e == "c3d") {
+            fs::copy(&file, data.join(file.file_name().unwrap())).unwrap();
+        }
+    }
+    let text = fs::read_to_string(repo("pipelines/demo.yaml")).unwrap();
+    let text = text.replace("../fixtures/demo", &data.display().to_string());
+    let write = |name: &str, text: &str| {
+        let path = dir.path().join(name);
+        fs::write(&path, text).unwrap();
+        path.display().to_string()
+    };
+    let run =
+        |path: &str, ws: &str| expect(&["run", path, "--workspace", &dir.path().join(ws).display().to_string()], 0).0;
+    assert!(run(&write("described.yaml", &text), "a").contains("two-link chain, 0.997 kg"));
+    let light = format!("{text}\nsubject: {{mass_kg: 0.05}}\n");
+    assert!(run(&write("light.yaml", &light), "b").contains(", 0.0500 kg"));
+    let corrected = format!("{text}\ncorrections: {{mass_kg: 0.9}}\n");
+    assert!(run(&write("corrected.yaml", &corrected), "c").contains(", 0.900 kg"));
+
+    let person = fs::read_to_string(repo("pipelines/demo_human.yaml")).unwrap();
+    let person = person.replace("../fixtures", &repo("fixtures"));
+    for mass in ["0.05", "72000"] {
+        let path = write("person.yaml", &format!("{person}\nsubject: {{mass_kg: {mass}}}\n"));
+        let (_, told) = expect(&["check", &path], 2);
+        assert!(unwrapped(told.as_bytes()).contains("expected 1 to 650 kg"), "{told}");
+    }
+}
+
+/// What is corrected in the recordings stands in the paragraph for a paper.
+#[test]
+fn corrections_stand_in_the_methods() {
+    let dir = folder();
+    let (ws, out) = (dir.path().join("ws").display().to_string(), dir.path().join("out"));
+    let text = fs::read_to_string(repo("pipelines/demo_human.yaml")).unwrap();
+    let text = text.replace("../fixtures", &repo("fixtures"));
+    let pipeline = dir.path().join("corrected.yaml").display().to_string();
+    fs::write(&pipeline, format!("{text}\ncorrections: {{plate_delay_s: 0.004, mass_kg: 71.5}}\n")).unwrap();
+    expect(&["run", &pipeline, "--workspace", &ws], 0);
+    expect(&["export", &pipeline, "--workspace", &ws, "--format", "csv", "--to", &out.display().to_string()], 0);
+    let methods = fs::read_to_string(out.join("methods.txt")).unwrap();
+    let said = "The recordings were corrected: plates 0.00400 s late against the cameras; body mass 71.5 kg instead of 72 kg as stated.";
+    assert!(methods.contains(said), "{methods}");
+}
+
 /// A load of 2 kg in a hand, which the stated mass does not contain. With the load in the model
 /// flights are above their floor: its mass, which contact determines as well, disagrees with the
 /// stated one. An error of the plates that brings both to their floors is named all the same.

@@ -73,6 +73,31 @@ fn of_windows(ws: &Path, place: &str, compared: &Value) -> f64 {
     (sum / f64::from(n)).sqrt()
 }
 
+/// Grade and colour of an error, as its numbers give them.
+fn graded(e: &Value) -> (aloft_compare::Grade, String, String) {
+    let interval = e["noise_floor_ci95"].as_array().map(|ci| [0, 1].map(|i| ci[i].as_f64().unwrap()));
+    let of_numbers =
+        aloft_compare::Grade::of(e["held_out_error"].as_f64().unwrap(), e["noise_floor"].as_f64(), interval);
+    let grade: aloft_compare::Grade = serde_json::from_value(e["grade"].clone()).unwrap();
+    assert_eq!(grade == of_numbers, e["because"].is_null(), "worse than its numbers without a reason: {e}");
+    let of = |key: &str| e[key].as_str().unwrap().to_owned();
+    (grade, of("judged"), of("signal"))
+}
+
+/// The page says the worst grade first, and the present model's own in the ladder.
+fn page_judges(page: &str, errors: &[Value]) {
+    let (_, words, signal) = errors.iter().map(graded).max_by_key(|g| g.0).unwrap();
+    let headline = page.split("<div class=\"headline ").nth(1).unwrap().split("</div>").next().unwrap();
+    let shown = format!("<b class=\"word {signal}\">{words}</b>");
+    assert!(headline.starts_with(&format!("{signal}\"")) && headline.contains(&shown), "{shown} for {headline}");
+    let rungs: Vec<&str> = page.split("<li class=\"rung ").skip(1).filter(|r| !r.contains("forecast")).collect();
+    let last = rungs.last().unwrap().split("</li>").next().unwrap();
+    let any = errors.iter().map(graded).any(|(_, words, signal)| {
+        last.starts_with(&signal) && last.contains(&format!("<b class=\"word {signal}\">{words}</b>"))
+    });
+    assert!(any, "the ladder ends with {last}");
+}
+
 /// Reads all surfaces of a workspace and compares them; returns the numbers by kind of motion.
 fn agree(words: &[&str], ws: &Path) -> Vec<(String, Number)> {
     let ask = |command: &[&str]| json(&[command, words, &["--json"]].concat());
@@ -115,6 +140,15 @@ fn agree(words: &[&str], ws: &Path) -> Vec<(String, Number)> {
             assert!((of("held_out_error") / one.error - 1.0).abs() < 1e-9, "discover");
             assert_eq!(of("noise_floor"), one.floor, "discover");
         }
+        // one grade of one number
+        let (_, judged, _) = graded(e);
+        for (errors, command) in [(&last["errors"], "history"), (&found["errors"], "discover")] {
+            let own = on(errors, place);
+            for key in ["grade", "because", "judged", "signal"] {
+                assert_eq!(own[key], e[key], "{command}");
+            }
+        }
+        assert!(methods.contains(&format!("): {judged}.")), "{judged}: {methods}");
         // computed from the rows
         let own = of_windows(ws, place, &compared);
         assert!((own / one.error - 1.0).abs() < 1e-9, "{place}: {own} from the windows, {} said", one.error);
@@ -122,7 +156,7 @@ fn agree(words: &[&str], ws: &Path) -> Vec<(String, Number)> {
         let times = aloft_compare::significant(one.times, 2);
         for (text, command) in texts.iter().zip(["run", "compare", "discover", "history"]) {
             assert!(
-                shows(text, &[&three(one.error), &three(one.floor), &times]),
+                shows(text, &[&three(one.error), &three(one.floor), &times, &judged]),
                 "`{command}` does not show {one:?} in {place}:\n{text}"
             );
         }
@@ -144,6 +178,19 @@ fn agree(words: &[&str], ws: &Path) -> Vec<(String, Number)> {
         assert!(near(one.error) && near(one.floor), "the page does not show {one:?}");
         out.push((place.to_owned(), one));
     }
+    page_judges(&page, compared["errors"].as_array().unwrap());
+    // what was taken off the plates stands in the paragraph for a paper
+    let hidden = texts[0].lines().find_map(|l| l.strip_prefix("hidden      ")?.split(' ').next());
+    if let Some(hidden) = hidden {
+        assert!(
+            methods.contains(&format!("contact was {hidden} N.")) && methods.contains("never unloaded"),
+            "{methods}"
+        );
+    }
+    let readme = fs::read_to_string(to.join("README.md")).unwrap();
+    let rows: Vec<&str> =
+        readme.lines().skip_while(|l| !l.starts_with("| link |")).skip(2).take_while(|l| l.starts_with('|')).collect();
+    assert!(rows.iter().all(|r| r.contains(" ± ") || r.ends_with("| from tables |")) && !rows.is_empty(), "{rows:#?}");
     out
 }
 
@@ -171,6 +218,21 @@ fn follow(pipeline: &str, key: &str) {
     assert!(flight(&after).error < 0.6 * flight(&before).error);
     let said = found["held_out_error_after"].as_f64().unwrap();
     assert!((said / flight(&after).error - 1.0).abs() < 0.02, "{said} promised, {:?} reached", flight(&after));
+}
+
+/// A wrong effect makes nothing better; whatever it does, all surfaces say the same of it.
+#[test]
+fn every_surface_grades_a_model_with_a_wrong_effect_alike() {
+    let dir = folder();
+    let ws = dir.path().join("ws");
+    let folder = ws.display().to_string();
+    let p = dir.path().join("twin.yaml").display().to_string();
+    let text = fs::read_to_string(repo("pipelines/demo.yaml")).unwrap();
+    fs::write(&p, text.replace("../fixtures/demo", &repo("fixtures/demo_twin"))).unwrap();
+    let words = [p.as_str(), "--workspace", &folder];
+    expect(&[&["run"], &words[..]].concat(), 0);
+    expect(&["effect", "add", &p, "linear_drag[links]", "--workspace", &folder], 0);
+    agree(&words, &ws);
 }
 
 #[test]

@@ -173,6 +173,7 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
             .into_iter()
             .map(|(name, value, unit)| HeldValue { name, value, unit })
             .collect();
+        last.cautions.extend(without_others(session, &last.effects));
         if let Some(c) = compare(session).ok().and_then(|view| view.to_correct) {
             let best = best_grades(true, Some(&c));
             last.errors = std::mem::take(&mut last.errors).into_iter().map(|e| e.at_best(&best)).collect();
@@ -180,6 +181,21 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
         }
     }
     Ok(History { version: 1, subject: session.facts.person.name.clone(), revisions: rows })
+}
+
+/// What `discover` found beside an effect of the model and is not in the model: the values and
+/// intervals of the answer are those of a model with all of it.
+fn without_others(session: &SubjectSession, held: &[String]) -> Option<String> {
+    let (d, then) = crate::discover::earlier(session)?;
+    let laws = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).map(|l| &l.id);
+    let named: Vec<&String> = d.found.iter().map(|f| &f.key).chain(laws).filter(|k| !then.contains(k)).collect();
+    let missing: Vec<String> = named.iter().filter(|k| !held.contains(k)).map(|k| format!("`{k}`")).collect();
+    (!missing.is_empty() && missing.len() < named.len()).then(|| {
+        format!(
+            "these values and intervals are of a model without {}, which `discover` found as well; its own are of the model with all of them",
+            missing.join(", ")
+        )
+    })
 }
 
 /// True if the comparison in a workspace was made with these effects and with the parameters stored

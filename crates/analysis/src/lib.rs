@@ -26,6 +26,7 @@ pub mod kinematics;
 mod laboratories;
 pub mod markerset;
 pub mod methods;
+mod methods_measured;
 pub mod next_flights;
 pub mod next_step;
 pub mod notes;

@@ -41,6 +41,8 @@ pub fn paragraph(session: &SubjectSession, ws: &Workspace, subject: &Subject) ->
         }
         (None, None) => recordings(session, ws, subject) + &kinematics(session, ws, subject)?,
     };
+    t.push_str(&crate::methods_measured::corrected(session));
+    t.push_str(&crate::methods_measured::tared(session, ws)?);
     t.push_str(&identification(session, ws)?);
     for difference in aloft_pipeline::made::differences(session, ws) {
         t.push_str(&format!(" {difference}."));
@@ -173,7 +175,8 @@ fn identification(session: &SubjectSession, ws: &Workspace) -> Result<String, Pi
         }
     }
     if ws.place("compare", WHOLE_STUDY).join("comparison.json").is_file() {
-        for e in compare(session)?.errors {
+        let view = compare(session)?;
+        for e in view.errors {
             let mut parts = Vec::new();
             let figure = |x: f64| aloft_compare::significant(x, 3);
             if let (Some(force), Some(moment)) = (e.held_out_force_n, e.held_out_moment_nm) {
@@ -201,6 +204,7 @@ fn identification(session: &SubjectSession, ws: &Workspace) -> Result<String, Pi
             );
             t.push_str(&format!("{ratio}: {}.", e.judged));
         }
+        t.push_str(&crate::methods_measured::subtracted(&view.comparison));
     }
     Ok(t)
 }

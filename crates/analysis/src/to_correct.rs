@@ -259,6 +259,9 @@ fn plates(trials: &[TrialComparison], weight_n: f64) -> Option<ToCorrect> {
             (own > PLATES_TIMES * flight && own > PLATES_OF_WEIGHT * weight_n).then_some((t.trial.as_str(), own))
         })
         .collect();
+    if let Some(words) = heavier(trials, &odd, weight_n) {
+        return Some(ToCorrect { words, first: false, void: false, offered: false });
+    }
     let largest = odd.iter().map(|o| o.1).fold(0.0, f64::max);
     let mut names: Vec<String> = odd.iter().take(NAMED).map(|o| o.0.to_owned()).collect();
     if odd.len() > NAMED {
@@ -276,6 +279,36 @@ fn plates(trials: &[TrialComparison], weight_n: f64) -> Option<ToCorrect> {
         void: false,
         offered: false,
     })
+}
+
+/// Share of the error in contact that a constant along the vertical makes up where the body weighs
+/// more or less than stated: beside it only the acceleration times the missing mass is left.
+const MOSTLY_WEIGHT: f64 = 0.7;
+
+/// What the plates say of the stated mass, where the error of most recordings is mostly one constant
+/// along the vertical: the same everywhere, it is no error of single recordings.
+fn heavier(trials: &[TrialComparison], odd: &[(&str, f64)], weight_n: f64) -> Option<String> {
+    let measured: Vec<&TrialComparison> = trials.iter().filter(|t| t.contact_weak.windows > 0).collect();
+    // predicted less measured: above zero where the body is lighter than stated
+    let shares: Vec<f64> = measured
+        .iter()
+        .filter(|t| odd.iter().any(|(name, _)| *name == t.trial) && !t.untared)
+        .filter(|t| t.contact_weak.force_n.bias[2].abs() > MOSTLY_WEIGHT * t.contact_weak.force_n.norm_rms())
+        .map(|t| t.contact_weak.force_n.bias[2] / weight_n)
+        .collect();
+    let one_way = shares.iter().all(|s| *s > 0.0) || shares.iter().all(|s| *s < 0.0);
+    if shares.len() < 2 || !one_way || 2 * shares.len() <= measured.iter().filter(|t| !t.untared).count() {
+        return None;
+    }
+    let share = median(&mut shares.clone());
+    Some(format!(
+        "check the stated mass and the scale of the force plates: in {} of {} recordings the plates carry {:.0} % {} than the stated weight, \
+         while flights fit (a load that the body carries would show as well)",
+        shares.len(),
+        measured.len(),
+        100.0 * share.abs(),
+        if share > 0.0 { "less" } else { "more" }
+    ))
 }
 
 #[cfg(test)]

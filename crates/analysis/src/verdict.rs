@@ -124,7 +124,7 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
     } else {
         "it".to_owned()
     };
-    let then = if several { beside_others(d, best).unwrap_or_default() } else { String::new() };
+    let then = if several { beside_others(d, best) } else { in_the_ladder(d, best) }.unwrap_or_default();
     let by_chance = chance_in_words(round, best);
     // a law that does better would have taken the effect's place
     let law = d.against.as_ref().map_or(String::new(), |a| {
@@ -193,6 +193,15 @@ fn as_well(a: &AgainstLaw) -> String {
 
 /// Difference of two forces, as a share of one of them, below which they are called the same.
 const SAME_FORCE: f64 = 0.01;
+
+/// What the effect leaves where all stages compute it, as the table of errors and the ladder show,
+/// where that differs from the ranking, whose folds and windows are its own.
+fn in_the_ladder(d: &Discovery, best: &Candidate) -> Option<String> {
+    let step = d.ladder.first().filter(|s| s.key == best.key && s.judged_on == best.judged_on)?;
+    let left = significant(100.0 * step.left_of_error?, 2);
+    (left != significant(100.0 * best.held_out_ratio, 2))
+        .then(|| format!(" in the ranking, and {left} % of that in {} in the table and the ladder", best.judged_on))
+}
 
 /// What the ladder will show of several effects found: the first of them, where that differs from
 /// what it leaves in the ranking (there it has its own best values and other held-out motion), and

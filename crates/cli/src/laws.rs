@@ -25,7 +25,11 @@ pub fn laws(found: &OpenWorld) -> Result<(), Stop> {
     for law in &found.laws {
         one(law)?;
     }
-    out(labelled("  ±: ", "95 % interval if this law is the right one"))?;
+    let right = match found.laws.len() {
+        1 => "95 % interval if this law is the right one",
+        _ => "95 % interval if these laws are the right ones, with all of them in the model",
+    };
+    out(labelled("  ±: ", right))?;
     if let Some(times) = found.times_floor_after {
         let it = if found.laws.len() == 1 { "it" } else { "them" };
         let words = format!(

@@ -47,5 +47,6 @@ pub use error::ExportError;
 pub use format::{Format, OutFile};
 pub use formats::FORMATS;
 pub use loads::PlateAtFrames;
-pub use subject::{InertiaSource, OsimFile, RobotFile, SubjectExport};
+pub use number::with_half;
+pub use subject::{InertiaSource, LinkKnown, OsimFile, RobotFile, SubjectExport};
 pub use trial::{FileCoordinates, SourceFile, TrialExport};

@@ -1,8 +1,8 @@
 //! README of an export: description of each file, of the processing and of the coordinates.
 
 use crate::coordinates::Quantity;
-use crate::number::fixed;
-use crate::{FORMATS, InertiaSource, OutFile, SubjectExport};
+use crate::number::{fixed, with_half};
+use crate::{FORMATS, InertiaSource, LinkKnown, OutFile, SubjectExport};
 
 /// Provenance of the export, as stated in the README.
 #[derive(Debug, Clone, Default)]
@@ -70,23 +70,29 @@ fn one_line(text: &str) -> String {
 }
 
 fn inertias(subject: &SubjectExport) -> String {
-    let mut t =
-        "\n\n| link | mass, kg | centre of mass in the link frame, m | mass from tables, kg |\n|---|---|---|---|\n"
-            .to_owned();
-    for ((link, own), prior) in subject.subject.model.links.iter().zip(&subject.links).zip(&subject.subject.prior) {
-        let c = own.com_m;
+    let mut t = "\n\n| link | mass, kg | centre of mass in the link frame, m | mass from tables, kg | values from |\n|---|---|---|---|---|\n"
+        .to_owned();
+    let from_tables = LinkKnown { from: "from tables".to_owned(), ..LinkKnown::default() };
+    let known = subject.known.iter().chain(std::iter::repeat(&from_tables));
+    let links = subject.subject.model.links.iter().zip(&subject.links).zip(&subject.subject.prior).zip(known);
+    for (((link, own), prior), known) in links {
+        let com: Vec<String> = (0..3).map(|k| with_half(own.com_m[k], known.com_m[k])).collect();
         t.push_str(&format!(
-            "| {} | {} | {}, {}, {} | {} |\n",
+            "| {} | {} | {} | {} | {} |\n",
             link.name,
-            fixed(own.mass_kg, 4),
-            fixed(c.x, 4),
-            fixed(c.y, 4),
-            fixed(c.z, 4),
-            fixed(prior.mass_kg, 4)
+            with_half(own.mass_kg, known.mass_kg),
+            com.join(", "),
+            with_half(prior.mass_kg, None),
+            known.from
         ));
     }
     let total: f64 = subject.links.iter().map(|l| l.mass_kg).sum();
-    t + &format!("\nTotal {} kg.\n", fixed(total, 4))
+    let words = if subject.known.is_empty() {
+        "Values from tables have no interval: how far this body is from the tables is not known."
+    } else {
+        "± is half of a 95 % interval from the noise of the recordings; errors of joint centres and effects that the model lacks are not in it. Model files carry all digits."
+    };
+    t + &format!("\nThe total, {} kg, is stated and not measured by the motion. {words}\n", fixed(total, 3))
 }
 
 fn conventions(subject: &SubjectExport) -> String {

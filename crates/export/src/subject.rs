@@ -26,6 +26,17 @@ pub enum InertiaSource {
     },
 }
 
+/// How well the inertia of a link is known.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LinkKnown {
+    /// Half-width of the 95 % interval of its mass, kg.
+    pub mass_kg: Option<f64>,
+    /// The same of its centre of mass in the link frame, m.
+    pub com_m: [Option<f64>; 3],
+    /// Where its values come from: `motion`, `from tables`, or which of them are from tables.
+    pub from: String,
+}
+
 /// The subject to be exported.
 #[derive(Debug, Clone)]
 pub struct SubjectExport {
@@ -38,6 +49,8 @@ pub struct SubjectExport {
     pub subject: Subject,
     /// Inertia of each link, as exported.
     pub links: Vec<LinkInertia>,
+    /// How well each of them is known, in the same order; empty for inertias from tables.
+    pub known: Vec<LinkKnown>,
     /// Source of these inertias.
     pub source: InertiaSource,
     /// Coordinates of the model.
@@ -103,6 +116,7 @@ impl SubjectExport {
             coordinates: Coordinates::of(&subject.model, convention),
             subject,
             links,
+            known: Vec::new(),
             source,
             locked,
             program: program.to_owned(),

@@ -53,6 +53,9 @@ fn validate_rows_that_others_get_wrong() {
     // Imaginary published radii are negative products.
     assert_eq!(segment(f, "head_neck").radii, [0.29, 0.23, 0.30, -0.04, 0.01, 0.0]);
     assert_eq!(segment(f, "pelvis").radii[3..], [-0.34, -0.01, -0.01]);
+    // r_yz of the upper arm is real, unlike that of the forearm, as the centre of mass lies on the
+    // other side of the axis.
+    assert_eq!(segment(f, "upper_arm").radii[3..], [0.03, -0.05, 0.14]);
     // The corrected foot, not the superseded one with another reference length.
     assert_eq!(segment(body(&dumas, Sex::Male), "foot").com, [0.502, -0.199, 0.034]);
 }

@@ -39,6 +39,24 @@ impl Facts {
     }
 }
 
+/// Masses that a person can have, kg: the heaviest whose mass is known had 635 kg. Objects and
+/// robots may be lighter and heavier.
+const PERSON_KG: [f64; 2] = [1.0, 650.0];
+
+/// Refuses a mass that no person has: most often it is in another unit.
+///
+/// # Errors
+/// A mass outside 1 to 650 kg.
+pub(crate) fn check_person_kg(mass_kg: f64) -> Result<(), PipelineError> {
+    if (PERSON_KG[0]..=PERSON_KG[1]).contains(&mass_kg) {
+        return Ok(());
+    }
+    Err(PipelineError::request_hint(
+        format!("a person of {mass_kg} kg, expected {} to {} kg", PERSON_KG[0], PERSON_KG[1]),
+        "state the mass in kg; an object has `object: …` in its pipeline, a robot `robot: …`",
+    ))
+}
+
 /// Places where facts may be stored.
 #[derive(Debug)]
 pub(crate) struct FactPlaces<'a> {
@@ -52,6 +70,8 @@ pub(crate) struct FactPlaces<'a> {
     pub id: &'a SessionId,
     /// A model file that states the body's mass: its name and the mass, kg.
     pub model: Option<(&'a str, f64)>,
+    /// The object's description: its name and the total mass that it states, kg.
+    pub object: Option<(&'a str, f64)>,
 }
 
 /// What `subject.yaml` or `object.yaml` beside the recordings may say; other keys are the
@@ -221,6 +241,12 @@ pub(crate) fn find_facts(
     if let (None, Some((name, _))) = (stated, at.model) {
         sources.push(format!("{name} (body mass)"));
     }
+    // a file beside the recordings is of this object, the description of objects of its kind
+    let of_object = at.object.filter(|_| stated.is_none());
+    if let Some((name, _)) = of_object {
+        sources.push(format!("the object `{name}` (total mass)"));
+    }
+    let stated = stated.or(of_object.map(|o| o.1));
     // no scale knows more digits
     let of_model = at.model.map(|m| (100.0 * m.1).round() / 100.0);
     let mass_kg = stated.or(of_model).ok_or_else(|| {

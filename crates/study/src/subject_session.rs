@@ -5,7 +5,7 @@ use crate::catalog;
 use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig};
 use crate::data_set::DataSet;
 use crate::effects::{ModelEffects, OwnEffect, check_formulas, for_body, own_effects};
-use crate::facts::{FactPlaces, Facts, find_facts};
+use crate::facts::{FactPlaces, Facts, check_person_kg, find_facts};
 use crate::inherit::{PipelineFile, TrialSettings, Whose};
 use crate::osim::{OsimSetup, is_osim};
 use crate::place::error_at_key;
@@ -250,12 +250,18 @@ impl SubjectSession {
                 root: place.root,
                 id: &place.id,
                 model: osim.as_ref().map(|o| (o.name.as_str(), o.tree.mass_kg())),
+                object: object.as_ref().map(|o: &ObjectSpec| (o.name.as_str(), o.total_mass_kg)),
             },
             &file,
             text,
         )?;
         if let Some(osim) = &osim {
             osim.check_mass(facts.person.mass_kg).map_err(|e| at("subject", e))?;
+        }
+        if object.is_none() && osim.is_none() && robot.is_none() {
+            check_person_kg(facts.person.mass_kg).map_err(|e| at("subject", e))?;
+            let corrected = config.corrections.mass_kg.map_or(Ok(()), check_person_kg);
+            corrected.map_err(|e| at("corrections", e))?;
         }
         if let Some(mass_kg) = config.corrections.mass_kg {
             facts.stated_mass_kg = Some(std::mem::replace(&mut facts.person.mass_kg, mass_kg));

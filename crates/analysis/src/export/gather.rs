@@ -5,10 +5,11 @@ use crate::parameters::parameters;
 use aloft_body::{LinkInertia, Subject};
 use aloft_compare::{Grade, measured_wrench};
 use aloft_export::{
-    Convention, FileCoordinates, InertiaSource, OsimFile, PlateAtFrames, RobotFile, SourceFile, SubjectExport,
-    TrialExport,
+    Convention, FileCoordinates, InertiaSource, LinkKnown, OsimFile, PlateAtFrames, RobotFile, SourceFile,
+    SubjectExport, TrialExport, with_half,
 };
 use aloft_flight::{Flight, FlightReport, PlateTare, apply_tare};
+use aloft_identify::half_of;
 use aloft_pipeline::selection::trial_filter;
 use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::filter::low_pass;
@@ -42,10 +43,11 @@ pub(super) fn subject(
         ));
     }
     let subject: Subject = read_json(&place)?;
-    let (links, source) = inertias(session, &subject);
+    let (links, known, source) = inertias(session, &subject);
     let locked = read_json(&ws.place("scale", WHOLE_STUDY).join("locked.json"))?;
     let mut made = SubjectExport::new(subject, links, source, convention, locked, &program())
         .map_err(|e| PipelineError::request(e.to_string()))?;
+    made.known = known;
     made.robot_files = robot_files(session, &made.source)?;
     made.osim_file = osim_file(session, &made)?;
     made.of_study = [session.id.subject.clone(), session.id.session.clone()];
@@ -117,16 +119,11 @@ fn provenance(session: &SubjectSession, source: &InertiaSource) -> String {
             provenance += &format!("     CAUTION: {remark}.\n");
         }
         for link in &p.links {
-            let half = |ci: Option<[f64; 2]>, digits: usize| {
-                ci.map_or(String::new(), |ci| format!(" ± {:.digits$}", 0.5 * (ci[1] - ci[0])))
-            };
-            let com: Vec<String> =
-                (0..3).map(|k| format!("{:.5}{}", link.com_m[k], half(link.ci95.com_m[k], 5))).collect();
+            let com: Vec<String> = (0..3).map(|k| with_half(link.com_m[k], half_of(link.ci95.com_m[k]))).collect();
             provenance += &format!(
-                "     {}: {:.4}{} kg at {}{}\n",
+                "     {}: {} kg at {}{}\n",
                 link.name,
-                link.mass_kg,
-                half(link.ci95.mass_kg, 4),
+                with_half(link.mass_kg, half_of(link.ci95.mass_kg)),
                 com.join(", "),
                 Some(link.from.from_table())
                     .filter(|v| !v.is_empty())
@@ -137,8 +134,9 @@ fn provenance(session: &SubjectSession, source: &InertiaSource) -> String {
     provenance
 }
 
-fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, InertiaSource) {
-    let prior = |reason: String| (subject.prior.clone(), InertiaSource::Prior { reason });
+/// Inertias of the links, how well each is known, and where they come from.
+fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, Vec<LinkKnown>, InertiaSource) {
+    let prior = |reason: String| (subject.prior.clone(), Vec::new(), InertiaSource::Prior { reason });
     let found = match parameters(session, None) {
         Ok(found) => found,
         Err(e) => return prior(e.to_string()),
@@ -179,7 +177,12 @@ fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, I
     };
     let from_table = found.parameters.links.iter().filter_map(named).collect();
     let (rows, remarks) = (found.rows_used.to_owned(), [poor, gate.reasons.clone()].concat());
-    (links, InertiaSource::Identified { rows, remarks, from_table })
+    let known = found.parameters.links.iter().map(|l| LinkKnown {
+        mass_kg: half_of(l.ci95.mass_kg),
+        com_m: l.ci95.com_m.map(half_of),
+        from: l.from.describe(),
+    });
+    (links, known.collect(), InertiaSource::Identified { rows, remarks, from_table })
 }
 
 /// Trials to export.

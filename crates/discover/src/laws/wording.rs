@@ -229,17 +229,17 @@ pub(crate) fn documentation(text: &str, values: &[&Estimate], ratio: f64, p: f64
 /// Largest number of other links that are named.
 const MOST_NAMED: usize = 3;
 
-/// How much of the error laws describe: the words follow the judgement of what they leave, with the
-/// limits of the ladder.
+/// How much of the error laws describe, with the limits at which it is graded; the grade itself
+/// stands in the table of errors.
 fn lead(o: &OpenWorld) -> String {
     let law = "a law outside the catalogue describes";
     let left = |times: f64| format!("of the error; {times:.1} times its floor remain");
     match (o.times_floor_after, o.at_floor_after) {
         _ if !o.complete => "part of the error follows a law outside the catalogue".to_owned(),
-        (Some(times), _) if times >= POOR_TIMES_FLOOR => format!("{law} a part {} (poor)", left(times)),
+        (Some(times), _) if times >= POOR_TIMES_FLOOR => format!("{law} a part {}", left(times)),
         (Some(times), None) if times < FAIR_TIMES_FLOOR => format!("{law} the error down to its floor"),
         (None, _) | (_, Some(true)) => format!("{law} the error down to its floor"),
-        (Some(times), _) => format!("{law} most {} (fair)", left(times)),
+        (Some(times), _) => format!("{law} most {}", left(times)),
     }
 }
 
@@ -343,11 +343,11 @@ mod tests {
         for (times, at_floor, words) in [
             (1.2, Some(true), "the error down to its floor"),
             (1.2, None, "the error down to its floor"),
-            (1.2, Some(false), "most of the error; 1.2 times its floor remain (fair)"),
+            (1.2, Some(false), "most of the error; 1.2 times its floor remain"),
             (2.1, Some(true), "the error down to its floor"),
-            (2.1, Some(false), "most of the error; 2.1 times its floor remain (fair)"),
-            (3.6, Some(false), "a part of the error; 3.6 times its floor remain (poor)"),
-            (3.6, Some(true), "a part of the error; 3.6 times its floor remain (poor)"),
+            (2.1, Some(false), "most of the error; 2.1 times its floor remain"),
+            (3.6, Some(false), "a part of the error; 3.6 times its floor remain"),
+            (3.6, Some(true), "a part of the error; 3.6 times its floor remain"),
         ] {
             assert_eq!(lead(&open(Some(times), at_floor)), format!("a law outside the catalogue describes {words}"));
         }

@@ -1,5 +1,6 @@
 //! The settings of the stages: one section each, with ranges and defaults.
 
+use super::MASS_KG;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -64,7 +65,7 @@ CorrectionsConfig {
     #[schemars(range(min = 0.5, max = 2.0))]
     rate_ratio: f64 = 1.0,
     /// Body mass instead of the stated one, kg.
-    #[schemars(range(min = 1.0, max = 500.0))]
+    #[schemars(range(min = MASS_KG.0, max = MASS_KG.1))]
     #[serde(skip_serializing_if = "Option::is_none")]
     mass_kg: Option<f64> = None,
 }
