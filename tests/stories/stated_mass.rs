@@ -112,7 +112,7 @@ fn an_object_may_weigh_50_g_and_a_person_may_not() {
     };
     let run =
         |path: &str, ws: &str| expect(&["run", path, "--workspace", &dir.path().join(ws).display().to_string()], 0).0;
-    assert!(run(&write("described.yaml", &text), "a").contains("two-link chain, 0.997 kg"));
+    assert!(run(&write("described.yaml", &text), "a").contains(", 0.997 kg"));
     let light = format!("{text}\nsubject: {{mass_kg: 0.05}}\n");
     assert!(run(&write("light.yaml", &light), "b").contains(", 0.0500 kg"));
     let corrected = format!("{text}\ncorrections: {{mass_kg: 0.9}}\n");
@@ -120,7 +120,7 @@ fn an_object_may_weigh_50_g_and_a_person_may_not() {
 
     let person = fs::read_to_string(repo("pipelines/demo_human.yaml")).unwrap();
     let person = person.replace("../fixtures", &repo("fixtures"));
-    for mass in ["0.05", "72000"] {
+    for mass in ["0.05", "7200"] {
         let path = write("person.yaml", &format!("{person}\nsubject: {{mass_kg: {mass}}}\n"));
         let (_, told) = expect(&["check", &path], 2);
         assert!(unwrapped(told.as_bytes()).contains("expected 1 to 650 kg"), "{told}");
