@@ -7,7 +7,7 @@ use crate::{AGAIN, aloft, docs, root, updating};
 use aloft_analysis::unknowns::{self, Examples, unit};
 use aloft_compare::{Grade, Reserve, Signal};
 use aloft_effects::{ActsIn, EFFECTS, EffectKind, Target};
-use aloft_pipeline::graph::{Need, Scope};
+use aloft_pipeline::graph::{DATED, Need, Scope};
 use aloft_pipeline::stages::STAGES;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -180,6 +180,9 @@ fn stages(schema: &serde_json::Value, pages: &mut Pages) {
                 Need::Recording => "the recording's files".to_owned(),
                 Need::Same(s) => format!("[`{s}`]({s}.md) of the same trial"),
                 Need::Once(s) => format!("[`{s}`]({s}.md) of the study"),
+                Need::Times => {
+                    format!("when in the session the trial was recorded ([`{DATED}`]({DATED}.md) of every trial)")
+                }
                 Need::Every(s, roles) | Need::Merged(s, roles) | Need::EveryOrStaticFrames(s, roles) => {
                     let roles: Vec<&str> = roles.iter().map(|r| r.word()).collect();
                     format!("[`{s}`]({s}.md) of every trial that came through ({})", roles.join(", "))

@@ -89,3 +89,40 @@ fn results_do_not_depend_on_the_number_of_threads() {
     };
     assert_eq!(read("1"), read("3"));
 }
+
+#[test]
+fn regress_the_key_of_a_trial_names_what_that_trial_needs_and_no_other_trial() {
+    let dir = folder();
+    let ws = dir.path().join("ws");
+    let text = fs::read_to_string(repo("pipelines/demo_human.yaml")).unwrap();
+    let pipeline = dir.path().join("p.yaml");
+    fs::write(&pipeline, &text).unwrap();
+    let words = [pipeline.display().to_string(), repo("fixtures/human_tethered"), ws.display().to_string()];
+    let run = |more: &[&str]| {
+        expect(&[&["run", &words[0], "--data", &words[1], "--workspace", &words[2]], more].concat(), 0).0
+    };
+    run(&[]);
+    let mut timed = 0;
+    for stage in fs::read_dir(&ws).unwrap().map(|e| e.unwrap().path()).filter(|p| p.is_dir()) {
+        for place in fs::read_dir(stage).unwrap().map(|e| e.unwrap().path()) {
+            let trial = place.file_name().unwrap().to_string_lossy().into_owned();
+            let Ok(bytes) = fs::read(place.join("manifest.json")) else { continue };
+            if trial == "_study" {
+                continue;
+            }
+            let manifest: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
+            for key in manifest["inputs"].as_object().unwrap().keys() {
+                timed += usize::from(key == "time in the session");
+                let of_another = key.split_once('/').is_some_and(|(_, of)| of != trial && of != "_study");
+                assert!(!of_another && !key.starts_with("role "), "{key} in {}", place.display());
+            }
+        }
+    }
+    // two kinds of rows of six jumps and an exercise, all on plates
+    assert_eq!(timed, 14);
+    // without the recordings before it, the last one stands earlier in the session
+    fs::write(&pipeline, text.replace("identify:", "exclude: [{trial: jump01, reason: none}]\n  identify:")).unwrap();
+    let due = run(&["--dry-run"]);
+    let row = due.lines().find(|l| l.starts_with("regressor") && l.contains("jump06")).unwrap();
+    assert!(row.contains("when in the session it was recorded"), "{due}");
+}

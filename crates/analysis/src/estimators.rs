@@ -13,6 +13,7 @@ use aloft_compare::{Candidate, Comparison, ModelComparison, NoiseFloor, WindowEr
 use aloft_filter::smooth;
 use aloft_identify::{ColumnScaling, Estimator, Gate, KindBalance, Parameters};
 use aloft_pipeline::factors::{load_factors, row_kind};
+use aloft_pipeline::plate_zeros::SessionZeros;
 use aloft_pipeline::stages::acceleration::{self, acceleration_factors};
 use aloft_pipeline::stages::compare::{
     self, ComparedTrial, Floor, HeldOut, compare_models, has_validation, load_trials, without_each_trial,
@@ -196,6 +197,7 @@ fn landmarks(made: &Made<'_>, used: &Subject) -> Result<Option<Tracked>, StageFa
     let (weak, acceleration) = (regressor::Params::of(session, None), acceleration::Params::of(session));
     let compared = compare::Params::of(session);
     let names: Vec<String> = made.trials.iter().map(|(name, _)| name.clone()).collect();
+    let zeros = SessionZeros::new(results, &names);
     let each: Vec<(ComparedTrial, Vec<(Stretch, Factor)>)> = made
         .trials
         .par_iter()
@@ -216,7 +218,7 @@ fn landmarks(made: &Made<'_>, used: &Subject) -> Result<Option<Tracked>, StageFa
             )?;
             let mut factors = weak_factors(&weak, &rows)?.0;
             factors.extend(acceleration_factors(&acceleration, &rows)?.0);
-            Ok((ComparedTrial::of(&compared, results, *role, name, &names, rows)?, factors))
+            Ok((ComparedTrial::of(&compared, results, *role, name, &zeros, rows)?, factors))
         })
         .collect::<Result<_, StageFailure>>()?;
     let (trials, factors): (Vec<_>, Vec<_>) = each.into_iter().unzip();

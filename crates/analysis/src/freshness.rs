@@ -1,7 +1,8 @@
 //! Whether the results that a command shows match the present pipeline and recordings.
 
 use crate::status::{TaskStates, inputs_of, states};
-use aloft_pipeline::graph::{Manifests, TaskState};
+use aloft_pipeline::graph::{DATED, Need, TaskState};
+use aloft_pipeline::manifests::Manifests;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::revision::Revisions;
 use aloft_study::subject_session::SubjectSession;
@@ -91,13 +92,17 @@ pub fn not_current_of(session: &SubjectSession, ws: &Workspace, states: &TaskSta
     let mut out: Vec<NotCurrent> = Vec::new();
     let mut behind: HashSet<(&str, &str)> = HashSet::new();
     for stage in STAGES {
+        // a recording that is imported again may move the others in the session
+        let of_times = || session.included().map(|t| (DATED, t.name.as_str())).find(|above| behind.contains(above));
+        let of_times = if stage.needs.contains(&Need::Times) { of_times() } else { None };
         for task in stage.tasks(session) {
             let trial = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
             let Some(state) = states.get(&(stage.name, trial.to_owned())) else { continue };
             let above = inputs_of(stage, task, session)
                 .into_iter()
                 .map(|(s, t)| (s.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str())))
-                .find(|above| behind.contains(above));
+                .find(|above| behind.contains(above))
+                .or(of_times);
             let (state, because, follows) = match (state, above) {
                 (TaskState::Damaged(problems), _) => ("damaged", problems.join("; "), false),
                 (TaskState::Missing, None) => ("missing", "never run".to_owned(), false),

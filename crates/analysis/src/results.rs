@@ -10,6 +10,7 @@ use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
+use std::sync::{Arc, OnceLock};
 
 /// Results of a study that has rows.
 pub(crate) struct Made<'a> {
@@ -21,12 +22,15 @@ pub(crate) struct Made<'a> {
     pub trials: Vec<(String, Role)>,
     /// The workspace that they stand in.
     pub workspace: &'a Workspace,
+    /// Times of the recordings, once somebody asked.
+    calendar: OnceLock<Arc<Calendar>>,
 }
 
 impl Made<'_> {
     /// Times of the session's recordings.
-    pub fn calendar(&self) -> Calendar {
-        Calendar::of(self.session, self.workspace)
+    pub fn calendar(&self) -> Result<Arc<Calendar>, StageFailure> {
+        let read = || Arc::new(Calendar::of(self.session, self.workspace));
+        Ok(Arc::clone(self.calendar.get_or_init(read)))
     }
 
     /// Names of the trials with rows that are used for identification.
@@ -63,6 +67,6 @@ pub(crate) fn with_results<T>(
             format!("run `{}` first", command(session, "run", None)),
         ));
     }
-    work(&Made { session, results: Results::of(&ws), trials, workspace: &ws })
+    work(&Made { session, results: Results::of(&ws), trials, workspace: &ws, calendar: OnceLock::new() })
         .map_err(|f| PipelineError::Request { problem: f.problem, hint: f.hint })
 }

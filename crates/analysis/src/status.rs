@@ -1,7 +1,8 @@
 //! `status` and `explain`: the state of every stage of every trial, and the reason for it.
 
 use crate::freshness::not_current_of;
-use aloft_pipeline::graph::{self, Manifests, Stage, TaskState};
+use aloft_pipeline::graph::{self, Stage, TaskState};
+use aloft_pipeline::manifests::Manifests;
 use aloft_pipeline::selection::stage_index;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
@@ -9,7 +10,7 @@ use aloft_workspace::error::PipelineError;
 use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{HashMap, HashSet};
 
 /// The grid of trials and stages.
 #[derive(Debug, Clone, Serialize)]
@@ -145,11 +146,17 @@ pub fn explain_all(
     let ws = Workspace::open(&session.workspace);
     let manifests = Manifests::read_and_examine(session, &ws, STAGES);
     let states = states(session, &ws, &manifests)?;
+    let behind: HashSet<(String, String)> =
+        not_current_of(session, &ws, &states).into_iter().map(|n| (n.stage, n.trial)).collect();
     let mut all = Vec::new();
     for stage in STAGES {
         for task in stage.tasks(session) {
             let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
             if trial.is_some_and(|t| t != name) {
+                continue;
+            }
+            let key = (stage.name.to_owned(), name.to_owned());
+            if !behind.contains(&key) && states.get(&(stage.name, key.1)).is_some_and(TaskState::is_current) {
                 continue;
             }
             let found = explanation(stage, task, session, &manifests, &states);
@@ -169,22 +176,16 @@ fn explanation(
     states: &TaskStates,
 ) -> Explanation {
     let name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
-    let of = |stage: &Stage, name: &str| states.get(&(stage.name, name.to_owned())).cloned();
+    let of = |stage: &Stage, name: &str| states.get(&(stage.name, name.to_owned()));
     let mut before = Vec::new();
-    let mut seen = BTreeSet::from([(stage.name, name.to_owned())]);
+    let mut seen = HashSet::from([(stage.name, name)]);
     let mut open = inputs_of(stage, task, session);
     while let Some((above, task)) = open.pop() {
         let above_name = task.map_or(WHOLE_STUDY, |t| t.name.as_str());
-        if !seen.insert((above.name, above_name.to_owned())) {
+        if !seen.insert((above.name, above_name)) {
             continue;
         }
-        let because = match of(above, above_name) {
-            Some(TaskState::Missing) => Some("has never run".to_owned()),
-            Some(TaskState::Stale(changes)) => Some(changes.join("; ")),
-            Some(TaskState::Damaged(problems)) => Some(format!("is damaged: {}", problems.join("; "))),
-            _ => None,
-        };
-        if let Some(because) = because {
+        if let Some(because) = behind(of(above, above_name)) {
             let of_whom = if task.is_some() { format!(" of {above_name}") } else { String::new() };
             before.push(format!("`{}`{of_whom}: {because}", above.name));
         }
@@ -198,9 +199,19 @@ fn explanation(
         before.push(format!("… and {more} more before it"));
     }
     Explanation {
-        state: of(stage, name).unwrap_or(TaskState::Missing),
+        state: of(stage, name).cloned().unwrap_or(TaskState::Missing),
         manifest: manifests.get(stage.name, name).cloned(),
         before,
+    }
+}
+
+/// Why a result that another one is made from is not up to date; none if it is, or cannot be.
+fn behind(state: Option<&TaskState>) -> Option<String> {
+    match state? {
+        TaskState::Missing => Some("has never run".to_owned()),
+        TaskState::Stale(changes) => Some(changes.join("; ")),
+        TaskState::Damaged(problems) => Some(format!("is damaged: {}", problems.join("; "))),
+        _ => None,
     }
 }
 

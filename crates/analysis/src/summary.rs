@@ -2,7 +2,8 @@
 //! closed list.
 
 use crate::freshness::{NotCurrent, freshness};
-use aloft_pipeline::graph::{Manifests, Scope};
+use aloft_pipeline::graph::Scope;
+use aloft_pipeline::manifests::Manifests;
 use aloft_pipeline::stages::STAGES;
 use aloft_regressor::weak_windows::force_scale_n;
 use aloft_study::data_set::DataSet;

@@ -7,6 +7,7 @@ use crate::switches::{WithoutSwitch, stop};
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::{Body, Comparison, RecordingOffset, WindowRows};
 use aloft_pipeline::graph::results_hash;
+use aloft_pipeline::plate_zeros::SessionZeros;
 use aloft_pipeline::stages::below_all_rows;
 use aloft_pipeline::stages::compare::{self as stage, ComparedTrial, HeldOut, compare_options};
 use aloft_pipeline::stages::regressor::{self, weak_factors_with};
@@ -113,6 +114,7 @@ pub(crate) fn rows_of(
     // as the comparison counts: held-out flights if there are any, else all
     let any = compared.iter().any(|t| t.held_out_flight && t.flight.frames > 0);
     let names: Vec<String> = made.trials.iter().map(|(name, _)| name.clone()).collect();
+    let zeros = SessionZeros::new(made.results, &names);
     let done = AtomicUsize::new(0);
     let form = |name: &str, role: Role, compared: bool| -> Result<TrialColumns, StageFailure> {
         let filter = compared.then_some(&made.session.config.filter);
@@ -126,7 +128,7 @@ pub(crate) fn rows_of(
             factors.extend(formed.into_iter().map(|(_, f)| f).filter(used));
         }
         let windows = if compared {
-            let trial = ComparedTrial::with_columns(&params, made.results, role, name, &names, rows, columns)?;
+            let trial = ComparedTrial::with_columns(&params, made.results, role, name, &zeros, rows, columns)?;
             WindowRows::of(&body, &trial.input(0, HeldOut::Validation, true, None), &options).map_err(stop)?
         } else {
             None

@@ -20,6 +20,7 @@ use crate::switch_rows::{Judged, drop_without_numbers, params_of, rows_of};
 use aloft_body::Subject;
 use aloft_compare::{AgainstFloor, Candidate, Graded, NoiseFloor, TrialSeries, size_of_windows};
 use aloft_identify::Parameters;
+use aloft_pipeline::plate_zeros::SessionZeros;
 use aloft_pipeline::stages::compare::{self as stage, ComparedTrial, Floor, HeldOut};
 use aloft_pipeline::stages::identify::{PointEstimate, Predicting};
 use aloft_pipeline::trial_rows::TrialRows;
@@ -442,7 +443,8 @@ impl Switches {
             let (params, _) = params_of(&self.session, &chosen);
             let filter = &made.session.config.filter;
             let rows = TrialRows::load(made.results, Some(filter), &|| made.calendar(), trial, &self.subject)?;
-            let compared = ComparedTrial::of(&params, made.results, judged.role, trial, &others, rows)?;
+            let zeros = SessionZeros::new(made.results, &others);
+            let compared = ComparedTrial::of(&params, made.results, judged.role, trial, &zeros, rows)?;
             let candidate = Candidate::per_trial("identified", vec![own.0]).with_effects_per_trial(vec![own.1]);
             let floor = self.floor.as_ref().map_or(Floor::Drawn(0, None), Floor::Known);
             let (trials, models) = ([compared], [candidate]);

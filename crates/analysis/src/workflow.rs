@@ -13,7 +13,8 @@
 //! names the trial and fails. A job that was killed leaves no mark and runs again at the next call.
 
 use aloft_export::names;
-use aloft_pipeline::graph::{self, Manifests, Need, Scope, Stage, TaskState};
+use aloft_pipeline::graph::{self, DATED, Need, Scope, Stage, TaskState};
+use aloft_pipeline::manifests::Manifests;
 use aloft_pipeline::merge;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::quote;
@@ -174,6 +175,9 @@ fn inputs(stage: &Stage) -> Vec<String> {
             Need::Every(name, roles) => {
                 out.push(format!("every({}, {})", python(name), description_of_roles(roles)));
             }
+            // one mark stands for all recordings, or the graph would grow with the square of their
+            // number
+            Need::Times => out.push("MARKS + \"/{study}/times.done\"".to_owned()),
             Need::EveryOrStaticFrames(name, roles) => {
                 out.push(format!("every({}, {}, with_static=True)", python(name), description_of_roles(roles)));
             }
@@ -351,6 +355,7 @@ wildcard_constraints:
 
 localrules:
     verdict,
+    times,
 
 
 rule verdict:
@@ -372,9 +377,20 @@ rule verdict:
         out.push_str(&rule(stage));
         out.push('\n');
     }
+    out.push_str(&times_rule());
     out.push_str(MERGE_RULE);
     out.push('\n');
     out.trim_end().to_owned() + "\n"
+}
+
+/// The rule that waits for all imports, which tell when in the session each recording was made.
+fn times_rule() -> String {
+    let of = STAGES.iter().find(|s| s.name == DATED).and_then(|s| roles(s)).unwrap_or_default();
+    format!(
+        "rule times:\n    input:\n        every({}, {}),\n    output:\n        touch(MARKS + \"/{{study}}/times.done\"),\n    shell:\n        \"true\"\n\n\n",
+        python(DATED),
+        description_of_roles(of)
+    )
 }
 
 const MERGE_RULE: &str = r#"rule merge:

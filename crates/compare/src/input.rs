@@ -89,6 +89,18 @@ pub trait PoseErrors: std::fmt::Debug + Sync {
     /// trial of a subject.
     fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion;
 
+    /// Several draws, as [`PoseErrors::draw`] gives them one by one, each in the frames for which
+    /// `wanted` holds of the draw and the frame.
+    fn draw_each(
+        &self,
+        motion: &Motion,
+        wanted: &dyn Fn(u64, usize) -> bool,
+        seed: u64,
+        draws: Range<u64>,
+    ) -> Vec<Motion> {
+        draws.map(|draw| self.draw(motion, &|f| wanted(draw, f), seed, draw)).collect()
+    }
+
     /// The motion as other geometries of the body would show it that the recordings allow, one
     /// model with its coordinates for each draw; none where the geometry is known.
     fn with_geometry(&self, _motion: &Motion, _wanted: &dyn Fn(usize) -> bool) -> Vec<(Model, Motion)> {

@@ -291,10 +291,15 @@ pub(crate) fn trial_floor(
     let wanted = |f: usize| runs.iter().any(|(_, run)| run.contains(&f));
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
     rng.set_stream(index as u64);
+    let drawn = input.errors.map(|errors| {
+        let wanted = |draw: u64, f: usize| draw < options.frame_draws as u64 || wanted(f);
+        errors.draw_each(clean, &wanted, options.seed, 0..options.noise_draws as u64)
+    });
+    let mut drawn = drawn.into_iter().flatten();
     for draw in 0..options.noise_draws {
         let filtered_too = draw < options.frame_draws;
-        let noisy = match (input.errors, &white) {
-            (Some(errors), _) => errors.draw(clean, &|f| filtered_too || wanted(f), options.seed, draw as u64),
+        let noisy = match (drawn.next(), &white) {
+            (Some(noisy), _) => noisy,
             (None, Some(root)) => with_noise(body, clean, root, &mut rng),
             (None, None) => return Ok(out),
         };

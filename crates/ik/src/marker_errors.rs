@@ -51,6 +51,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, Unit, Vector3, Vector4};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use std::ops::Range;
 
 /// Seed under which a comparison and a calibration draw the same errors of the markers.
 pub const ERROR_SEED: u64 = 1;
@@ -94,6 +95,9 @@ pub struct MarkerErrors {
     /// For each marker, the markers whose residual may provide its time course.
     donors: Vec<Vec<usize>>,
 }
+
+/// Time course of a marker in a draw: index of the residual, scale and rotation; none without one.
+type Course = Option<(usize, Matrix3<f64>)>;
 
 impl MarkerErrors {
     /// Computed from the recording and its solved motion; `None` if no frame is solved.
@@ -150,36 +154,78 @@ impl MarkerErrors {
     /// unchanged. The same `seed` and `draw` give the markers the same rotations in every trial of
     /// a subject.
     pub fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
-        let tree = &self.problem.tree;
         let mut out = coordinates_of(motion);
-        // Time course of each marker: index of the residual, scale and rotation.
-        let turned: Vec<Option<(usize, Matrix3<f64>)>> = (0..self.seen.len())
-            .map(|m| {
-                let (donor, turn) = turned_donor(seed, draw, self.stream[m], &self.donors[m])?;
-                let size = self.size[m] * self.of_estimate(m, seed, draw);
-                Some((donor, turn * (size / self.seen[donor]).sqrt()))
-            })
-            .collect();
+        self.draw_into(std::slice::from_mut(&mut out), motion, &|_, f| wanted(f), seed, draw);
+        out
+    }
+
+    /// Several draws, `draws.start` first, each in the frames for which `wanted` holds of the draw
+    /// and the frame. What a pose does with errors is the same in every draw, so that this costs
+    /// much less than drawing one after the other; the numbers are the same.
+    pub fn draw_each(
+        &self,
+        motion: &Motion,
+        wanted: &dyn Fn(u64, usize) -> bool,
+        seed: u64,
+        draws: Range<u64>,
+    ) -> Vec<Motion> {
+        let mut out: Vec<Motion> = draws.clone().map(|_| coordinates_of(motion)).collect();
+        self.draw_into(&mut out, motion, wanted, seed, draws.start);
+        out
+    }
+
+    /// Draws into motions that hold the coordinates without errors; `first` is the first draw.
+    fn draw_into(
+        &self,
+        out: &mut [Motion],
+        motion: &Motion,
+        wanted: &dyn Fn(u64, usize) -> bool,
+        seed: u64,
+        first: u64,
+    ) {
+        let tree = &self.problem.tree;
+        let turned: Vec<Vec<Course>> = (first..).take(out.len()).map(|draw| self.turned(seed, draw)).collect();
         let mut response = Response::new(&self.problem);
         let mut step = vec![0.0; tree.nv];
         for f in 0..motion.n_frames().min(self.residual.first().map_or(0, Vec::len)) {
-            if !motion.is_valid(f) || !wanted(f) || !response.at(motion.q(f)) {
+            if !motion.is_valid(f) {
                 continue;
             }
-            let error =
-                |m: usize| turned[m].map_or_else(Vector3::zeros, |(donor, turn)| turn * self.residual[donor][f]);
-            response.step(&error, &mut step);
-            if step.iter().all(|x| x.is_finite()) {
-                let moved = &mut out.q[f * motion.nq..(f + 1) * motion.nq];
-                tree.retract(motion.q(f), &step, moved);
-                if !is_small(&step) {
-                    let place = |m: usize| response.place(m, &error(m));
-                    let targets = (0..self.seen.len()).map(place).collect();
-                    settle(&mut response.solver, targets, motion.q(f), moved);
+            let mut ready = false;
+            for ((draw, turned), out) in (first..).zip(&turned).zip(&mut *out) {
+                if !wanted(draw, f) {
+                    continue;
+                }
+                if !ready && !response.at(motion.q(f)) {
+                    break;
+                }
+                ready = true;
+                let error =
+                    |m: usize| turned[m].map_or_else(Vector3::zeros, |(donor, turn)| turn * self.residual[donor][f]);
+                response.step(&error, &mut step);
+                if step.iter().all(|x| x.is_finite()) {
+                    let moved = &mut out.q[f * motion.nq..(f + 1) * motion.nq];
+                    tree.retract(motion.q(f), &step, moved);
+                    if !is_small(&step) {
+                        let place = |m: usize| response.place(m, &error(m));
+                        let targets = (0..self.seen.len()).map(place).collect();
+                        settle(&mut response.solver, targets, motion.q(f), moved);
+                        // the solver is at another pose now
+                        ready = false;
+                    }
                 }
             }
         }
-        out
+    }
+
+    /// Time course of each marker in a draw.
+    fn turned(&self, seed: u64, draw: u64) -> Vec<Course> {
+        let of = |m: usize| {
+            let (donor, turn) = turned_donor(seed, draw, self.stream[m], &self.donors[m])?;
+            let size = self.size[m] * self.of_estimate(m, seed, draw);
+            Some((donor, turn * (size / self.seen[donor]).sqrt()))
+        };
+        (0..self.seen.len()).map(of).collect()
     }
 
     /// A variance that fits the residuals over the estimated one, χ²/ν with ν degrees of freedom
@@ -210,7 +256,7 @@ impl MarkerErrors {
             let places: Vec<Vector3<f64>> =
                 (0..self.seen.len()).map(|m| response.place(m, &Vector3::zeros())).collect();
             for (solver, out) in solvers.iter_mut().zip(&mut out) {
-                solver.evaluate(motion.q(f));
+                solver.problem.tree.forward(motion.q(f), &mut solver.pose);
                 // how far the other geometry misses each marker, in the axes of its link
                 let missed: Vec<Vector3<f64>> = (self.problem.markers.iter().zip(&solver.problem.markers))
                     .zip(&places)

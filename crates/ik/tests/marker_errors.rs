@@ -117,6 +117,26 @@ fn perfect_markers_have_no_errors_and_draws_repeat_themselves() {
     assert!(errors.draw(&solved, &|_| true, 1, 4).q != errors.draw(&solved, &|_| true, 1, 3).q);
 }
 
+#[test]
+fn several_draws_at_once_are_those_one_by_one() {
+    let subject = person();
+    let truth = motion(&subject, N, RATE_HZ, 0.4, 1);
+    // errors so large that some poses need more than one step, which moves the solver
+    for noise_m in [1e-3, 4e-2] {
+        let noisy = trial(&subject, &truth, RATE_HZ, noise_m, 3);
+        let solved = solve(&subject, &noisy, &IkOptions::default()).unwrap().motion;
+        let errors = MarkerErrors::of(&subject, &noisy, &solved, &IkOptions::default()).unwrap().unwrap();
+        // each draw in other frames
+        let wanted = |draw: u64, f: usize| draw == 2 || f % 3 != draw as usize % 3;
+        let at_once = errors.draw_each(&solved, &wanted, 1, 2..6);
+        assert_eq!(at_once.len(), 4);
+        for (draw, drawn) in (2..6).zip(&at_once) {
+            let alone = errors.draw(&solved, &|f| wanted(draw, f), 1, draw);
+            assert!(drawn.q == alone.q, "draw {draw} with markers of {noise_m} m");
+        }
+    }
+}
+
 /// Largest distance of a marker between a motion of one subject and that of another, m.
 fn farthest(a: (&Subject, &Motion), b: (&Subject, &Motion)) -> f64 {
     let places = |(subject, motion): (&Subject, &Motion), f: usize| -> Vec<Vector3<f64>> {

@@ -75,6 +75,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let wanted = |name: &str| ws.manifest("regressor", name).is_some_and(|m| m.is_ok());
     let entries: Vec<_> = session.included().filter(|t| t.role.is_dynamic() && wanted(&t.name)).collect();
     let names: Vec<String> = entries.iter().map(|t| t.name.clone()).collect();
+    let zeros = aloft_pipeline::plate_zeros::SessionZeros::new(results, &names);
     let filter = low_pass(&params.filter);
     let again = |m: &Motion| smooth(&subject.model, m, Some(filter)).ok();
     let trials = entries
@@ -83,11 +84,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             let ik = session.ik_of(Some(entry));
             let (_, motion, ..) = track(ik, results, subject.clone(), &entry.name).map_err(|e| e.problem)?;
             let filtered = again(&motion);
-            let calendar = || Calendar::of(&session, &ws);
+            let calendar = || Ok(std::sync::Arc::new(Calendar::of(&session, &ws)));
             let rows =
                 TrialRows::of(results, Some(&params.filter), &calendar, &entry.name, subject.clone(), motion, filtered)
                     .map_err(|e| e.problem)?;
-            ComparedTrial::of(&params, results, entry.role, &entry.name, &names, rows).map_err(|e| e.problem)
+            ComparedTrial::of(&params, results, entry.role, &entry.name, &zeros, rows).map_err(|e| e.problem)
         })
         .collect::<Result<Vec<_>, String>>()?;
     let validation = has_validation(&trials);

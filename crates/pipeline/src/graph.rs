@@ -1,19 +1,20 @@
 //! The stage graph: which results and parameters each stage reads, and the tasks of a study.
 
-use crate::results::Results;
-use crate::stages::STAGES;
+use crate::manifests::Manifests;
+use crate::results::{Ready, Results};
+use aloft_study::calendar::Calendar;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::key::key;
-use aloft_workspace::manifest::{Manifest, ROLE, WHOLE_STUDY};
+use aloft_workspace::manifest::{Manifest, ROLE, TIME, WHOLE_STUDY};
 use aloft_workspace::qc::QcReason;
 use aloft_workspace::warning::Warnings;
 use aloft_workspace::workspace::Workspace;
-use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 /// Whether a stage runs once per trial or once per study.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -39,13 +40,21 @@ pub enum Need {
     Merged(&'static str, &'static [Role]),
     /// As `Every`, and also the trial named by `trials.static_frames`.
     EveryOrStaticFrames(&'static str, &'static [Role]),
+    /// When in the session the trial was recorded. It follows from the imports of all recordings,
+    /// but only the trial's own time is part of its key: another recording does not make the result
+    /// stale unless it moves this one.
+    Times,
 }
+
+/// Stage whose results tell when the recordings of a session were made.
+pub const DATED: &str = "import";
 
 impl Need {
     /// The stage whose results are read; none for recordings.
     pub fn stage(&self) -> Option<&'static str> {
         match self {
             Self::Recording => None,
+            Self::Times => Some(DATED),
             Self::Same(name)
             | Self::Once(name)
             | Self::Every(name, _)
@@ -54,7 +63,7 @@ impl Need {
         }
     }
     /// Results that are read for a task of `trial`: the stage and the trial of each, `None` for the
-    /// whole study. Empty for recordings.
+    /// whole study. Empty for recordings and for times.
     pub fn results<'s>(
         &self,
         trial: Option<&'s TrialEntry>,
@@ -62,7 +71,7 @@ impl Need {
     ) -> Vec<(&'static str, Option<&'s TrialEntry>)> {
         let statics = session.config.trials.static_frames.as_ref().map(|f| f.trial.as_str());
         match *self {
-            Self::Recording => Vec::new(),
+            Self::Recording | Self::Times => Vec::new(),
             Self::Same(name) => trial.map(|t| (name, Some(t))).into_iter().collect(),
             Self::Once(name) => vec![(name, None)],
             Self::Every(name, roles) | Self::Merged(name, roles) => {
@@ -196,19 +205,6 @@ impl Recording {
     }
 }
 
-/// The first moving recording of the session that holds the same bytes as `trial`, if it stands
-/// before it: copies would count as independent evidence.
-fn copied_from<'s>(trial: &TrialEntry, session: &'s SubjectSession, workspace: &Workspace) -> Option<&'s TrialEntry> {
-    let moving = |t: &&TrialEntry| t.role.is_dynamic();
-    let others = session.before_of_same_size(trial).filter(moving).filter(|t| t.file != trial.file);
-    let alike: Vec<&TrialEntry> = others.filter(|_| trial.role.is_dynamic()).collect();
-    if alike.is_empty() {
-        return None;
-    }
-    let hash = workspace.input_hash(&trial.file).ok()?;
-    alike.into_iter().find(|t| workspace.input_hash(&t.file).is_ok_and(|other| other == hash))
-}
-
 /// Everything that the work of a stage may use besides its parameters.
 #[derive(Debug)]
 pub struct StageInputs<'a> {
@@ -219,13 +215,13 @@ pub struct StageInputs<'a> {
     /// Name of the trial, for stages that run once per trial.
     trial: Option<&'a str>,
     recording: Option<Recording>,
-    ready: &'a [(String, String)],
-    /// Every trial of the study that is not excluded, with its role, whether or not its results
-    /// exist.
-    expected: Vec<(String, Role)>,
+    ready: &'a Ready,
+    calendar: Option<&'a Arc<Calendar>>,
+    session: &'a SubjectSession,
+    /// Roles by name, for stages that ask for many.
+    roles: OnceLock<HashMap<&'a str, Role>>,
     /// Folder of an earlier result of the same task, if that result is intact.
     earlier: Option<PathBuf>,
-    data: &'a Path,
 }
 
 impl<'a> StageInputs<'a> {
@@ -238,7 +234,7 @@ impl<'a> StageInputs<'a> {
         inputs: &'a TaskInputs,
         out: &'a Path,
     ) -> Self {
-        let ready = inputs.ready.as_slice();
+        let ready = &inputs.ready;
         let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
         let sound = workspace.damage(stage.name, name).is_empty();
         Self {
@@ -249,15 +245,16 @@ impl<'a> StageInputs<'a> {
                 .filter(|_| stage.needs.contains(&Need::Recording))
                 .map(|t| Recording { copy_of: inputs.copy_of.clone(), ..Recording::of(t) }),
             ready,
-            expected: session.included().map(|t| (t.name.clone(), t.role)).collect(),
+            calendar: inputs.calendar.as_ref(),
+            session,
+            roles: OnceLock::new(),
             earlier: sound.then(|| workspace.place(stage.name, name)),
-            data: &session.data,
         }
     }
 
     /// Names of the trials whose result of `stage` is among the inputs, sorted.
     pub fn trials_of(&self, stage: &str) -> Vec<String> {
-        self.ready.iter().filter(|(s, t)| s == stage && t != WHOLE_STUDY).map(|(_, t)| t.clone()).collect()
+        self.all().iter().filter(|(s, t)| s == stage && t != WHOLE_STUDY).map(|(_, t)| t.clone()).collect()
     }
 
     /// The same with the trials' roles, only for the roles wanted.
@@ -267,28 +264,37 @@ impl<'a> StageInputs<'a> {
 
     /// True if a result is among the inputs.
     pub fn has(&self, stage: &str, trial: &str) -> bool {
-        self.ready.iter().any(|(s, t)| s == stage && t == trial)
+        self.ready.has(stage, trial)
     }
 
     /// All inputs: `(stage, trial)`.
     pub fn all(&self) -> &[(String, String)] {
-        self.ready
+        self.ready.all()
     }
 
     /// Role of a trial.
     pub fn role(&self, trial: &str) -> Option<Role> {
-        self.expected.iter().find(|(name, _)| name == trial).map(|(_, role)| *role)
+        let roles = || self.session.included().map(|t| (t.name.as_str(), t.role)).collect();
+        self.roles.get_or_init(roles).get(trial).copied()
     }
 
-    /// Every trial of the study that is not excluded, with its role; for messages and for the order
-    /// of merging.
-    pub fn expected(&self) -> &[(String, Role)] {
-        &self.expected
+    /// Every trial of the study that is not excluded, with its role, whether or not its results
+    /// exist; for messages and for the order of merging.
+    pub fn expected(&self) -> Vec<(String, Role)> {
+        self.session.included().map(|t| (t.name.clone(), t.role)).collect()
+    }
+
+    /// When in the session the recording was made.
+    ///
+    /// # Errors
+    /// The stage does not declare that it depends on it.
+    pub fn calendar(&self) -> Result<Arc<Calendar>, StageFailure> {
+        self.calendar.cloned().ok_or_else(|| StageFailure::new("the stage was called without a time in the session"))
     }
 
     /// Folder of the recordings, for messages.
     pub fn data(&self) -> &Path {
-        self.data
+        &self.session.data
     }
 
     /// Folder of an earlier result of the same task, if that result is intact. Anything reused from
@@ -330,7 +336,9 @@ pub struct TaskInputs {
     /// Hash of each input.
     pub hashes: BTreeMap<String, String>,
     /// Upstream results that can be read.
-    pub ready: Vec<(String, String)>,
+    pub ready: Ready,
+    /// When in the session the task's recording was made, for stages that depend on it.
+    pub calendar: Option<Arc<Calendar>>,
     /// The recording of the same session, before this task's, that holds the same bytes.
     pub copy_of: Option<String>,
     /// Missing upstream results that prevent the task from running, with the reasons.
@@ -339,69 +347,6 @@ pub struct TaskInputs {
     pub damaged: Vec<String>,
     /// Problems in the files of the task's own result.
     pub own_damage: Vec<String>,
-}
-
-/// The manifests of a workspace, read once.
-#[derive(Debug, Default)]
-pub struct Manifests(HashMap<(String, String), Manifest>);
-
-impl Manifests {
-    /// Reads every manifest that the stages of a study may have written.
-    pub fn read(session: &SubjectSession, workspace: &Workspace, stages: &[&Stage]) -> Self {
-        let mut all = HashMap::new();
-        for stage in stages {
-            for task in stage.tasks(session) {
-                let trial = task.map_or(WHOLE_STUDY, |t| &t.name);
-                if let Some(m) = workspace.manifest(stage.name, trial) {
-                    all.insert((stage.name.to_owned(), trial.to_owned()), m);
-                }
-            }
-        }
-        Self(all)
-    }
-    /// Manifests of the given results.
-    pub fn of(workspace: &Workspace, results: &[(&str, &str)]) -> Self {
-        let found = results.iter().filter_map(|(stage, trial)| {
-            Some((((*stage).to_owned(), (*trial).to_owned()), workspace.manifest(stage, trial)?))
-        });
-        Self(found.collect())
-    }
-    /// Like [`Manifests::read`], but also compares every file of the results with its hash, in
-    /// parallel.
-    pub fn read_and_examine(session: &SubjectSession, workspace: &Workspace, stages: &[&Stage]) -> Self {
-        let tasks: Vec<(&str, &str)> = stages
-            .iter()
-            .flat_map(|s| s.tasks(session).into_iter().map(|t| (s.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str()))))
-            .collect();
-        tasks.par_iter().for_each(|(stage, trial)| {
-            workspace.damage(stage, trial);
-        });
-        Self::read(session, workspace, stages)
-    }
-    /// The manifest of a result.
-    pub fn get(&self, stage: &str, trial: &str) -> Option<&Manifest> {
-        self.0.get(&(stage.to_owned(), trial.to_owned()))
-    }
-    /// Why a result must not be used: it failed or is missing, or something that it was made from
-    /// (of the same trial or of the whole study) has failed since. A result made before its
-    /// recording became unusable is therefore not used any more.
-    pub fn trouble(&self, stage: &str, trial: &str) -> Option<String> {
-        match self.get(stage, trial) {
-            None => return Some(format!("{stage} has not run")),
-            Some(m) if !m.is_ok() => return Some(format!("{stage} failed")),
-            Some(_) => {}
-        }
-        let needs = STAGES.iter().find(|s| s.name == stage).map_or(&[][..], |s| s.needs);
-        needs.iter().find_map(|need| match need {
-            Need::Same(above) => self.trouble(above, trial),
-            Need::Once(above) => self.trouble(above, WHOLE_STUDY),
-            Need::Recording | Need::Every(..) | Need::Merged(..) | Need::EveryOrStaticFrames(..) => None,
-        })
-    }
-    /// Adds a manifest.
-    pub fn insert(&mut self, manifest: Manifest) {
-        self.0.insert((manifest.stage.clone(), manifest.trial.clone()), manifest);
-    }
 }
 
 /// Collects the inputs of a task.
@@ -415,7 +360,8 @@ pub fn inputs(
     let own = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     let mut out = TaskInputs {
         hashes: BTreeMap::new(),
-        ready: Vec::new(),
+        ready: Ready::default(),
+        calendar: None,
         copy_of: None,
         blocked_by: Vec::new(),
         damaged: Vec::new(),
@@ -428,7 +374,7 @@ pub fn inputs(
         match (manifests.get(name, of), manifests.trouble(name, of)) {
             (Some(m), None) => {
                 out.hashes.insert(format!("{name}/{of}"), m.output.clone());
-                out.ready.push((name.to_owned(), of.to_owned()));
+                out.ready.push(name, of);
                 true
             }
             (_, Some(reason)) if required => {
@@ -442,7 +388,7 @@ pub fn inputs(
         match need {
             Need::Recording => {
                 if let Some(t) = trial {
-                    out.copy_of = copied_from(t, session, workspace).map(|first| first.name.clone());
+                    out.copy_of = manifests.copied_from(t, session, workspace);
                     if let Some(first) = &out.copy_of {
                         out.hashes.insert(format!("copy of {first}"), String::new());
                     }
@@ -456,6 +402,14 @@ pub fn inputs(
                             out.hashes.insert(key, hash);
                         }
                     }
+                }
+            }
+            Need::Times => {
+                let times = manifests.times(session, workspace);
+                out.damaged.extend(times.damaged.iter().map(|t| format!("`{DATED}` for {t}")));
+                if let Some((own, key)) = trial.and_then(|t| times.of_trial(&t.name)) {
+                    out.hashes.insert(TIME.to_owned(), key);
+                    out.calendar = Some(own);
                 }
             }
             Need::Same(_) | Need::Once(_) => {

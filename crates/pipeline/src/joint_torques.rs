@@ -28,6 +28,7 @@ use aloft_study::robot::RobotSetup;
 use aloft_workspace::error::StageFailure;
 use nalgebra::DVector;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Draws of the sensors' errors for the floors.
 const DRAWS: u64 = 8;
@@ -86,7 +87,7 @@ impl<'a> JointTorques<'a> {
         results: Results<'_>,
         names: &[String],
         effects: &ModelEffects,
-        calendar: &(dyn Fn() -> Calendar + Sync),
+        calendar: &(dyn Fn() -> Result<Arc<Calendar>, StageFailure> + Sync),
     ) -> Result<Option<Self>, StageFailure> {
         let has_rows = |name: &&String| {
             results.place("regressor", name).is_ok_and(|place| place.join(format!("{TORQUE}.json")).is_file())
@@ -283,7 +284,7 @@ impl Recorded {
         name: &str,
         subject: &Subject,
         effects: &ModelEffects,
-        calendar: &(dyn Fn() -> Calendar + Sync),
+        calendar: &(dyn Fn() -> Result<Arc<Calendar>, StageFailure> + Sync),
     ) -> Result<Option<Self>, StageFailure> {
         let rows = TrialRows::load(results, None, calendar, name, subject)?;
         let columns = effect_columns(effects, &rows)?;

@@ -7,7 +7,8 @@
 
 use crate::factors::{load_factors, save_factors};
 use crate::graph::Need;
-use crate::graph::{Manifests, StageInputs};
+use crate::graph::StageInputs;
+use crate::manifests::Manifests;
 use crate::stages::STAGES;
 use aloft_regressor::{Factor, RowKind, Stretch, StretchKind};
 use aloft_study::subject_session::{Role, SubjectSession};
@@ -166,7 +167,7 @@ pub fn root(
     factors: &[(Stretch, Factor)],
     rows: RowKind,
 ) -> Result<Option<Factor>, StageFailure> {
-    let tree = Tree::expected(inputs.expected());
+    let tree = Tree::expected(&inputs.expected());
     let workspace = inputs.results.workspace();
     let stored = tree.root().filter(|n| workspace.place(FOLDER, &n.to_string()).is_dir());
     if let Some(node) = stored {

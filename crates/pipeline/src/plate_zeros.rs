@@ -6,6 +6,7 @@ use aloft_flight::{PlateTare, TareSource};
 use aloft_workspace::artifact::{plate_centres, trial_rate};
 use aloft_workspace::error::StageFailure;
 use nalgebra::{Vector3, Vector6};
+use std::sync::OnceLock;
 
 /// Readings of a trial's plates in its flights; none if they were not tared from flights.
 pub(crate) fn tare_readings(results: Results<'_>, name: &str) -> Result<TareReadings, StageFailure> {
@@ -27,6 +28,53 @@ pub(crate) fn tare_readings(results: Results<'_>, name: &str) -> Result<TareRead
     Ok(TareReadings { times_s: first.times_s.clone(), plates, length_s })
 }
 
+/// Readings of unloaded plates in all trials of a session, read from their results once, and only
+/// if some trial does not show its own.
+#[derive(Debug)]
+pub struct SessionZeros<'a> {
+    results: Results<'a>,
+    trials: &'a [String],
+    read: OnceLock<Vec<TrialZeros>>,
+}
+
+/// The readings of one trial that say what a plate reads unloaded.
+#[derive(Debug)]
+struct TrialZeros {
+    trial: String,
+    /// By plate, in order: whether it was read in flights, and its mean.
+    known: Vec<(String, bool, Vector6<f64>)>,
+}
+
+impl TrialZeros {
+    /// Of a plate; `from_flights` leaves out readings outside flights.
+    fn of(&self, plate: &str, from_flights: bool) -> Option<Vector6<f64>> {
+        let fit = |known: &&(String, bool, Vector6<f64>)| known.0 == plate && (known.1 || !from_flights);
+        self.known.iter().find(fit).map(|known| known.2)
+    }
+}
+
+impl<'a> SessionZeros<'a> {
+    /// Of these trials.
+    pub fn new(results: Results<'a>, trials: &'a [String]) -> Self {
+        Self { results, trials, read: OnceLock::new() }
+    }
+
+    /// Those of the trials other than `name`, in order.
+    fn others(&self, name: &str) -> impl Iterator<Item = &TrialZeros> {
+        let read = || {
+            let of = |trial: &String| {
+                let tares = self.results.load_tares(trial).ok()?;
+                // readings without noise say nothing: software set them to zero
+                let told = tares.iter().filter(|t| t.source != TareSource::None && t.noise_n > 0.0);
+                let known = told.map(|t| (t.plate.clone(), t.source == TareSource::Flights, mean(t))).collect();
+                Some(TrialZeros { trial: trial.clone(), known })
+            };
+            self.trials.iter().filter_map(of).collect()
+        };
+        self.read.get_or_init(read).iter().filter(move |t| t.trial != name)
+    }
+}
+
 /// What is known of a trial's unloaded plates.
 pub(crate) struct Zero {
     /// True if the reading of some plate, unloaded, is not known.
@@ -36,34 +84,27 @@ pub(crate) struct Zero {
 }
 
 impl Zero {
-    /// From the tares of the trial and of `others`. A plate is unknown if the trial never unloads
-    /// it, or if what was taken for its unloaded reading is far from those in flights of other
-    /// trials: a foot that rests lightly on a plate is as quiet as none. Readings without noise say
-    /// nothing: software set them to zero where the plate was unloaded.
-    pub fn of(results: Results<'_>, name: &str, tares: &[PlateTare], others: &[String]) -> Self {
-        let theirs: Vec<Vec<PlateTare>> =
-            others.iter().filter(|o| *o != name).filter_map(|o| results.load_tares(o).ok()).collect();
-        let reading = |trial: &[PlateTare], plate: &str, from_flights: bool| {
-            let fit = |t: &&PlateTare| {
-                let known = t.source == TareSource::Flights || (!from_flights && t.source != TareSource::None);
-                t.plate == plate && known && t.noise_n > 0.0
-            };
-            trial.iter().find(fit).map(mean)
-        };
+    /// From the tares of the trial and of the session. A plate is unknown if the trial never
+    /// unloads it, or if what was taken for its unloaded reading is far from those in flights of
+    /// other trials: a foot that rests lightly on a plate is as quiet as none.
+    pub fn of(name: &str, tares: &[PlateTare], session: &SessionZeros<'_>) -> Self {
         let doubtful = |t: &PlateTare| {
-            let shown: Vec<Vector6<f64>> = theirs.iter().filter_map(|o| reading(o, &t.plate, true)).collect();
+            let shown: Vec<Vector6<f64>> = session.others(name).filter_map(|o| o.of(&t.plate, true)).collect();
             OffsetRange::of(&shown).is_some_and(|range| !range.contains(&mean(t)))
         };
         let unknown: Vec<&PlateTare> = tares
             .iter()
             .filter(|t| t.source == TareSource::None || (t.source == TareSource::OwnReadings && doubtful(t)))
             .collect();
+        if unknown.is_empty() {
+            return Self { unknown: false, range: None };
+        }
         // what is left of a plate's constant after its tare was taken off
-        let left: Vec<Vector6<f64>> = theirs
-            .iter()
-            .filter_map(|o| unknown.iter().map(|t| Some(reading(o, &t.plate, false)? - mean(t))).sum())
+        let left: Vec<Vector6<f64>> = session
+            .others(name)
+            .filter_map(|o| unknown.iter().map(|t| Some(o.of(&t.plate, false)? - mean(t))).sum())
             .collect();
-        Self { unknown: !unknown.is_empty(), range: if unknown.is_empty() { None } else { OffsetRange::of(&left) } }
+        Self { unknown: true, range: OffsetRange::of(&left) }
     }
 }
 

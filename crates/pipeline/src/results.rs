@@ -12,14 +12,42 @@ use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::read_json;
 use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
 use aloft_workspace::workspace::Workspace;
+use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
+
+/// The results that a task may read.
+#[derive(Debug, Clone, Default)]
+pub struct Ready {
+    /// `(stage, trial)`, in the order in which the stage names them.
+    all: Vec<(String, String)>,
+    /// The same by stage.
+    by_stage: HashMap<String, HashSet<String>>,
+}
+
+impl Ready {
+    /// Adds a result.
+    pub fn push(&mut self, stage: &str, trial: &str) {
+        self.all.push((stage.to_owned(), trial.to_owned()));
+        self.by_stage.entry(stage.to_owned()).or_default().insert(trial.to_owned());
+    }
+
+    /// True if a result is among them.
+    pub fn has(&self, stage: &str, trial: &str) -> bool {
+        self.by_stage.get(stage).is_some_and(|trials| trials.contains(trial))
+    }
+
+    /// All, `(stage, trial)`, in the order in which the stage names them.
+    pub fn all(&self) -> &[(String, String)] {
+        &self.all
+    }
+}
 
 /// Results in a workspace.
 #[derive(Debug, Clone, Copy)]
 pub struct Results<'a> {
     workspace: &'a Workspace,
-    /// The results `(stage, trial)` that may be read; none means all.
-    allowed: Option<&'a [(String, String)]>,
+    /// The results that may be read; none means all.
+    allowed: Option<&'a Ready>,
 }
 
 impl<'a> Results<'a> {
@@ -29,7 +57,7 @@ impl<'a> Results<'a> {
     }
 
     /// The results that are inputs of one task.
-    pub(crate) fn limited(workspace: &'a Workspace, allowed: &'a [(String, String)]) -> Self {
+    pub(crate) fn limited(workspace: &'a Workspace, allowed: &'a Ready) -> Self {
         Self { workspace, allowed: Some(allowed) }
     }
 
@@ -39,7 +67,7 @@ impl<'a> Results<'a> {
     /// A stage tries to read a result that it does not declare as an input; its own results would
     /// not become stale with that input.
     pub fn place(&self, stage: &str, trial: &str) -> Result<PathBuf, StageFailure> {
-        if self.allowed.is_some_and(|all| !all.iter().any(|(s, t)| s == stage && t == trial)) {
+        if self.allowed.is_some_and(|all| !all.has(stage, trial)) {
             return Err(StageFailure::with_hint(
                 format!("the result of `{stage}` for {trial} is not among the inputs of this stage"),
                 "this is a defect of aloft, not of your data; please report it with this line",
@@ -135,7 +163,8 @@ mod tests {
     fn a_stage_cannot_read_a_result_that_it_does_not_name() {
         let dir = tempfile::tempdir().unwrap();
         let workspace = Workspace::open(dir.path());
-        let named = [("ik".to_owned(), "jump01".to_owned())];
+        let mut named = Ready::default();
+        named.push("ik", "jump01");
         let results = Results::limited(&workspace, &named);
         assert!(results.place("ik", "jump01").is_ok());
         for (stage, trial) in [("ik", "jump02"), ("filter", "jump01"), ("identify", WHOLE_STUDY)] {

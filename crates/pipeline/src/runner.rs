@@ -3,7 +3,8 @@
 //! pool of threads.
 
 use crate::corrected::refuse_unknown_plates;
-use crate::graph::{self, Manifests, Stage, TaskState};
+use crate::graph::{self, DATED, Stage, TaskState};
+use crate::manifests::Manifests;
 pub use crate::progress::{Plan, Progress, Silent};
 pub use crate::run_report::{BatchReport, Ended, RunReport, StudyRun, TaskReport};
 pub use crate::selection::Selection;
@@ -20,6 +21,7 @@ use aloft_workspace::lock::WorkspaceLock;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use globset::GlobSet;
+use std::collections::{HashMap, HashSet};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -193,7 +195,7 @@ fn run_stages(
         refuse_if_not_current(stage, &STAGES[from..until], session, filter, workspace, &manifests)?;
     }
     let mut report = RunReport::default();
-    let mut would_change: Vec<(String, String)> = Vec::new();
+    let mut would_change = Changing::default();
     for stage in STAGES[from..until].iter().copied() {
         let mut due = Vec::new();
         let mut line: Vec<TaskReport> = Vec::new();
@@ -234,7 +236,7 @@ fn run_stages(
                         _ if upstream_changes => "an earlier stage runs".to_owned(),
                         _ => "--force".to_owned(),
                     };
-                    would_change.push((stage.name.to_owned(), name.to_owned()));
+                    would_change.entry(stage.name).or_default().insert(name.to_owned());
                     Some(Ended::WouldRun(reason))
                 }
             };
@@ -263,19 +265,25 @@ fn run_stages(
     Ok(report)
 }
 
+/// Trials whose results would be made again, by stage; only a dry run has any.
+type Changing = HashMap<&'static str, HashSet<String>>;
+
 fn upstream_will_change(
     stage: &Stage,
     trial: Option<&TrialEntry>,
     session: &SubjectSession,
-    changed: &[(String, String)],
+    changed: &Changing,
 ) -> bool {
     use graph::Need;
-    stage.needs.iter().any(|need| match need {
-        Need::Recording => false,
-        Need::Same(name) => changed.iter().any(|(s, t)| s == name && trial.is_some_and(|x| &x.name == t)),
-        Need::Once(name) => changed.iter().any(|(s, _)| s == name),
-        Need::Every(name, roles) | Need::Merged(name, roles) | Need::EveryOrStaticFrames(name, roles) => {
-            changed.iter().any(|(s, t)| s == name && session.trial(t).is_some_and(|x| roles.contains(&x.role)))
+    stage.needs.iter().any(|need| {
+        let Some(names) = need.stage().and_then(|name| changed.get(name)) else { return false };
+        match need {
+            Need::Recording => false,
+            Need::Same(_) => trial.is_some_and(|t| names.contains(&t.name)),
+            Need::Once(_) | Need::Times => true,
+            Need::Every(_, roles) | Need::Merged(_, roles) | Need::EveryOrStaticFrames(_, roles) => {
+                session.included().any(|t| roles.contains(&t.role) && names.contains(&t.name))
+            }
         }
     })
 }
@@ -290,6 +298,7 @@ fn reads(by: &[&Stage], name: &str, trial: Option<&TrialEntry>, session: &Subjec
             let (above, roles) = match need {
                 Need::Recording => return false,
                 Need::Once(n) => (n, None),
+                Need::Times => (&DATED, None),
                 Need::Same(n) => match stage.scope {
                     Scope::Trial(roles) => (n, Some(roles)),
                     Scope::Session => (n, None),

@@ -15,6 +15,7 @@ use aloft_study::effects::{KnownEffects, ModelEffects};
 use aloft_trial::Trial;
 use aloft_workspace::error::StageFailure;
 use nalgebra::{DMatrix, Vector3, Vector6};
+use std::sync::Arc;
 
 /// Contact stretches that are completely measured by plates (`covered`): between flights (50 ms
 /// away from them), loaded with at least a fifth of body weight.
@@ -143,7 +144,7 @@ pub struct TrialRows {
     /// depends on it).
     pub session_time_s: f64,
     /// Source of that time; none without plates.
-    pub calendar: Option<Calendar>,
+    pub calendar: Option<Arc<Calendar>>,
 }
 
 impl TrialRows {
@@ -153,7 +154,7 @@ impl TrialRows {
     pub fn load(
         results: Results<'_>,
         filter: Option<&FilterConfig>,
-        calendar: &dyn Fn() -> Calendar,
+        calendar: &dyn Fn() -> Result<Arc<Calendar>, StageFailure>,
         name: &str,
         subject: &Subject,
     ) -> Result<Self, StageFailure> {
@@ -167,7 +168,7 @@ impl TrialRows {
     pub fn of(
         results: Results<'_>,
         filter: Option<&FilterConfig>,
-        calendar: &dyn Fn() -> Calendar,
+        calendar: &dyn Fn() -> Result<Arc<Calendar>, StageFailure>,
         name: &str,
         subject: Subject,
         motion: Motion,
@@ -210,7 +211,7 @@ impl TrialRows {
             }
         }
         let flights = flights.flights.iter().map(aloft_flight::Flight::frames).collect();
-        let calendar = (!plates.is_empty()).then(calendar);
+        let calendar = if plates.is_empty() { None } else { Some(calendar()?) };
         let session_time_s = calendar.as_ref().map_or(0.0, |c| c.start_s(name));
         Ok(Self {
             trial,

@@ -4,13 +4,15 @@ use crate::subject_session::{Role, SubjectSession};
 use aloft_trial::{SessionRecording, SessionSource, session_times};
 use aloft_workspace::artifact::session_recording;
 use aloft_workspace::workspace::Workspace;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// Times of a study's recordings.
 #[derive(Debug, Clone)]
 pub struct Calendar {
     /// Start of each recording relative to the first one of the session, s.
     start_s: BTreeMap<String, f64>,
+    /// Recordings with plates: only what plates measure depends on the time.
+    with_plates: BTreeSet<String>,
     /// Where the times come from.
     pub source: SessionSource,
     /// The source in words.
@@ -32,8 +34,12 @@ impl Calendar {
     /// with numbers in names compared by value.
     pub fn from_order(listed: &[String], trials: &[(String, Role)], workspace: &Workspace) -> Self {
         let mut trials: Vec<&(String, Role)> = trials.iter().collect();
-        trials.sort_by_key(|(name, role)| {
-            let place = listed.iter().position(|l| l == name).unwrap_or(usize::MAX);
+        let mut places: HashMap<&str, usize> = HashMap::new();
+        for (i, name) in listed.iter().enumerate() {
+            places.entry(name).or_insert(i);
+        }
+        trials.sort_by_cached_key(|(name, role)| {
+            let place = places.get(name.as_str()).copied().unwrap_or(usize::MAX);
             let part = match role {
                 Role::Static => 0,
                 Role::Calibration => 1,
@@ -41,13 +47,18 @@ impl Calendar {
             };
             (place, part, natural(name))
         });
-        let recordings: Vec<SessionRecording> = trials
-            .iter()
-            .filter_map(|(name, role)| {
-                let needed = matches!(role, Role::Identify | Role::Validate);
-                session_recording(&workspace.place("import", name), needed).ok()
-            })
-            .collect();
+        let mut with_plates = BTreeSet::new();
+        let mut recordings: Vec<SessionRecording> = Vec::new();
+        for (name, role) in trials {
+            let needed = matches!(role, Role::Identify | Role::Validate);
+            // what could not be imported has no place in the session
+            if let Ok((recording, plates)) = session_recording(&workspace.place("import", name), needed) {
+                if plates > 0 {
+                    with_plates.insert(recording.name.clone());
+                }
+                recordings.push(recording);
+            }
+        }
         let times = session_times(&recordings);
         let order = match times.source {
             SessionSource::OrderAndLengths if listed.is_empty() => "; the order is that of the names",
@@ -56,9 +67,18 @@ impl Calendar {
         };
         Self {
             start_s: recordings.into_iter().map(|r| r.name).zip(times.start_s).collect(),
+            with_plates,
             source: times.source,
             words: times.words + order,
         }
+    }
+
+    /// The same for one recording alone; none for one without plates, where nothing depends on the
+    /// time.
+    pub fn only(&self, trial: &str) -> Option<Self> {
+        let name = self.with_plates.get(trial)?.clone();
+        let start_s = self.start_s.get(trial).map(|t| (name.clone(), *t)).into_iter().collect();
+        Some(Self { start_s, with_plates: [name].into(), source: self.source, words: self.words.clone() })
     }
 
     /// Seconds from the start of the session to the first frame of a recording; 0 where unknown.

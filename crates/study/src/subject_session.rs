@@ -372,21 +372,21 @@ impl SubjectSession {
         self.trials.iter().filter(|t| t.excluded.is_none())
     }
 
-    /// The included trials before `trial` whose files have the same size, in order. Sizes are those
-    /// of the first call; empty files have none.
-    pub fn before_of_same_size(&self, trial: &TrialEntry) -> impl Iterator<Item = &TrialEntry> {
+    /// The size of a trial's file, and the included trials whose files have it, in order. Sizes of
+    /// other files are those of the first call; an empty or unreadable file has none.
+    pub fn of_same_size(&self, trial: &TrialEntry) -> Option<(u64, Vec<&TrialEntry>)> {
+        let size = |t: &TrialEntry| std::fs::metadata(&t.file).ok().map(|m| m.len()).filter(|n| *n > 0);
         let by_size = self.sizes.0.get_or_init(|| {
             let mut out: HashMap<u64, Vec<usize>> = HashMap::new();
             for (i, t) in self.trials.iter().enumerate().filter(|(_, t)| t.excluded.is_none()) {
-                if let Some(size) = std::fs::metadata(&t.file).ok().map(|m| m.len()).filter(|n| *n > 0) {
+                if let Some(size) = size(t) {
                     out.entry(size).or_default().push(i);
                 }
             }
             out
         });
-        let place = self.trials.iter().position(|t| t.name == trial.name).unwrap_or_default();
-        let alike = std::fs::metadata(&trial.file).ok().and_then(|m| by_size.get(&m.len()));
-        alike.into_iter().flatten().filter(move |i| **i < place).map(|i| &self.trials[*i])
+        let size = size(trial)?;
+        Some((size, by_size.get(&size)?.iter().map(|i| &self.trials[*i]).collect()))
     }
 
     /// Gravity in the world frame, m/s².

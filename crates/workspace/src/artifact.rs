@@ -139,16 +139,19 @@ pub fn trial_length(dir: &Path) -> Result<usize, PipelineError> {
     Ok(read_json::<TrialHead>(&dir.join("trial.json"))?.n_frames)
 }
 
-/// When an imported recording was made and how long it is, to place it in the session.
-pub fn session_recording(dir: &Path, needed: bool) -> Result<SessionRecording, PipelineError> {
+/// When an imported recording was made and how long it is, to place it in the session; and the
+/// number of its plates.
+pub fn session_recording(dir: &Path, needed: bool) -> Result<(SessionRecording, usize), PipelineError> {
     let head: TrialHead = read_json(&dir.join("trial.json"))?;
-    Ok(SessionRecording {
+    let plates = head.plates.len();
+    let recording = SessionRecording {
         duration_s: head.n_frames as f64 / head.rate_hz,
         name: head.name,
         recorded: head.recorded,
         start_s: head.start_s,
         needed,
-    })
+    };
+    Ok((recording, plates))
 }
 
 fn load(head: TrialHead, dir: &Path, points: bool) -> Result<Trial, PipelineError> {

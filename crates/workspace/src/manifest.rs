@@ -88,21 +88,14 @@ impl Manifest {
             changes.push(format!("the stage's code: version {} → {version}", self.version));
         }
         describe_changes("", &self.parameters, parameters, &mut changes);
-        for (name, hash) in inputs {
-            match self.inputs.get(name) {
-                // appears and disappears together with the result of the same recording
-                None if name.starts_with(ROLE) => {}
-                None => changes.push(format!("new input: {}", in_words(name))),
-                Some(old) if old != hash => changes.push(format!("input changed: {}", in_words(name))),
-                Some(_) => {}
-            }
-        }
-        changes.extend(
-            self.inputs
-                .keys()
-                .filter(|k| !inputs.contains_key(*k) && !k.starts_with(ROLE))
-                .map(|k| format!("input gone: {}", in_words(k))),
-        );
+        // the role appears and disappears together with the result of the same recording
+        let other = |k: &&String| !k.starts_with(ROLE);
+        let changed = inputs.iter().filter(|(k, hash)| self.inputs.get(*k).is_some_and(|old| old != *hash));
+        let new = inputs.keys().filter(|k| !self.inputs.contains_key(*k)).filter(other);
+        let gone = self.inputs.keys().filter(|k| !inputs.contains_key(*k)).filter(other);
+        describe_inputs("new input", new, &mut changes);
+        describe_inputs("input changed", changed.map(|(k, _)| k), &mut changes);
+        describe_inputs("input gone", gone, &mut changes);
         changes
     }
 }
@@ -110,10 +103,37 @@ impl Manifest {
 /// Prefix of the key of an input that is the role of a recording.
 pub const ROLE: &str = "role ";
 
+/// Results of one stage that are named one by one when they changed; of more, only the number.
+const NAMED: usize = 3;
+
+/// Adds what happened to inputs; many results of one stage are one entry.
+fn describe_inputs<'k>(what: &str, keys: impl Iterator<Item = &'k String>, changes: &mut Vec<String>) {
+    let stage_of = |key: &'k String| key.split_once('/').filter(|(_, of)| *of != WHOLE_STUDY).map(|(stage, _)| stage);
+    let mut groups: Vec<(Option<&str>, Vec<&String>)> = Vec::new();
+    for key in keys {
+        match groups.last_mut() {
+            Some((stage, all)) if stage.is_some() && *stage == stage_of(key) => all.push(key),
+            _ => groups.push((stage_of(key), vec![key])),
+        }
+    }
+    for (stage, keys) in groups {
+        match stage.filter(|_| keys.len() > NAMED) {
+            Some(stage) => changes.push(format!("{what}: the results of `{stage}` for {} recordings", keys.len())),
+            None => changes.extend(keys.into_iter().map(|k| format!("{what}: {}", in_words(k)))),
+        }
+    }
+}
+
+/// Key of the input that is a trial's time in the session.
+pub const TIME: &str = "time in the session";
+
 /// An input's key in words: `file jump01.c3d`, `ik/jump01` or `role jump01`.
 fn in_words(key: &str) -> String {
     if let Some(trial) = key.strip_prefix(ROLE) {
         return format!("the part that {trial} plays");
+    }
+    if key == TIME {
+        return "when in the session it was recorded".to_owned();
     }
     match (key.strip_prefix("file "), key.split_once('/')) {
         (Some(file), _) => format!("the content of the file {file}"),
@@ -202,4 +222,53 @@ pub(crate) fn hash_of(files: &BTreeMap<String, FileStamp>) -> String {
         hasher.update(stamp.blake3.as_bytes());
     }
     hasher.finalize().to_hex().to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_results_of_a_stage_that_changed_are_one_reason_and_few_are_named() {
+        let inputs = |pairs: &[(&str, &str)]| -> BTreeMap<String, String> {
+            pairs.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect()
+        };
+        let manifest = Manifest {
+            stage: "regressor".into(),
+            trial: "a".into(),
+            version: 1,
+            parameters: serde_json::json!({}),
+            inputs: inputs(&[
+                ("import/a", "1"),
+                ("import/b", "1"),
+                ("import/c", "1"),
+                ("import/d", "1"),
+                ("role d", "x"),
+            ]),
+            outcome: Outcome::Ok,
+            warnings: Vec::new(),
+            summary: BTreeMap::new(),
+            output: String::new(),
+            files: BTreeMap::new(),
+            seconds: 0.0,
+            program: String::new(),
+        };
+        let changes = |now: &[(&str, &str)]| manifest.differences(1, &serde_json::json!({}), &inputs(now));
+        assert_eq!(changes(&[]), ["input gone: the results of `import` for 4 recordings"]);
+        let one = [("import/a", "1"), ("import/b", "2"), ("import/c", "1"), ("import/d", "1"), (TIME, "3 s")];
+        assert_eq!(
+            changes(&one),
+            ["new input: when in the session it was recorded", "input changed: the result of `import` for b"]
+        );
+        let few = [("import/a", "1"), ("import/c", "1"), ("calibrate/_study", "1"), ("role d", "y")];
+        assert_eq!(
+            changes(&few),
+            [
+                "new input: the result of `calibrate`",
+                "input changed: the part that d plays",
+                "input gone: the result of `import` for b",
+                "input gone: the result of `import` for d"
+            ]
+        );
+    }
 }

@@ -6,7 +6,6 @@ use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, para
 use crate::trial_rows::{TrialRows, each_stretch, effect_columns};
 use aloft_body::BaseParameters;
 use aloft_regressor::{AccelerationOptions, Acting, acceleration_factor};
-use aloft_study::calendar::Calendar;
 use aloft_study::config::FilterConfig;
 use aloft_study::effects::ModelEffects;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
@@ -27,8 +26,8 @@ pub static STAGE: Stage = Stage {
         Need::Same("filter"),
         Need::Same("flight"),
         Need::Once("calibrate"),
-        // recording times, for effects that grow over the session
-        Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
+        // for effects that grow over the session
+        Need::Times,
     ],
     parameters: parameters_of::<Work>,
     run: run_of::<Work>,
@@ -43,9 +42,6 @@ pub struct Params {
     pub filter: FilterConfig,
     /// Effects of the model.
     pub effects: ModelEffects,
-    /// Order of the session's recordings, if the laboratory lists them.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub recordings: Vec<String>,
 }
 
 impl Params {
@@ -55,7 +51,6 @@ impl Params {
             margin_s: session.config.flight.margin_s,
             filter: session.config.filter.clone(),
             effects: session.model_effects(),
-            recordings: session.facts.recordings.clone(),
         }
     }
 }
@@ -71,9 +66,8 @@ impl StageWork for Work {
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         let results = inputs.results;
-        let calendar = || Calendar::from_order(&params.recordings, inputs.expected(), results.workspace());
         let subject = results.load_subject("calibrate")?;
-        let rows = TrialRows::load(results, Some(&params.filter), &calendar, inputs.trial()?, &subject)?;
+        let rows = TrialRows::load(results, Some(&params.filter), &|| inputs.calendar(), inputs.trial()?, &subject)?;
         let (factors, warnings) = acceleration_factors(params, &rows)?;
         let mut done = StageReport { warnings: warnings.into(), ..StageReport::default() };
         save_factors(inputs.out, &factors)?;

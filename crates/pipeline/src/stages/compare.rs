@@ -3,7 +3,7 @@
 use self::left_out::{each_without, plain_model};
 use self::tables::{series_table, windows_table};
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
-use crate::plate_zeros::tare_readings;
+use crate::plate_zeros::{SessionZeros, tare_readings};
 use crate::stages::filter::low_pass;
 use crate::stages::identify::{Predicting, training_factors};
 use crate::trial_rows::TrialRows;
@@ -26,6 +26,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::collections::BTreeMap;
+use std::sync::{Arc, OnceLock};
 
 mod left_out;
 mod tables;
@@ -280,11 +281,16 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         names.par_iter().map(|n| Ok((n.clone(), tare_readings(results, n)?))).collect::<Result<_, StageFailure>>()?
     };
     let listed = params.effects.recordings.as_deref().unwrap_or_default();
-    let calendar = || Calendar::from_order(listed, inputs.expected(), results.workspace());
+    let times = OnceLock::new();
+    let calendar = || {
+        let read = || Arc::new(Calendar::from_order(listed, &inputs.expected(), results.workspace()));
+        Ok(Arc::clone(times.get_or_init(read)))
+    };
+    let zeros = SessionZeros::new(results, &names);
     let load = |name: &str| {
         let rows = TrialRows::load(results, Some(&params.filter), &calendar, name, &subject)?;
         let trial =
-            ComparedTrial::of(params, results, inputs.role(name).unwrap_or(Role::Identify), name, &names, rows)?;
+            ComparedTrial::of(params, results, inputs.role(name).unwrap_or(Role::Identify), name, &zeros, rows)?;
         if earlier.is_some() || !subject.is_judged() {
             Ok(trial)
         } else {

@@ -9,7 +9,6 @@ use aloft_regressor::{
     Acting, CoordinateNoise, EffectColumns, Noise, Slides, Stretch, StretchKind, Tissue, WeakOptions, weak_factor,
     weak_factor_with_tissue,
 };
-use aloft_study::calendar::Calendar;
 use aloft_study::config::Weighting;
 use aloft_study::effects::ModelEffects;
 use aloft_study::robot::RobotSetup;
@@ -32,8 +31,8 @@ pub static STAGE: Stage = Stage {
         Need::Same("ik"),
         Need::Same("flight"),
         Need::Once("calibrate"),
-        // recording times, for effects that grow over the session
-        Need::Every("import", &[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
+        // for effects that grow over the session
+        Need::Times,
     ],
     parameters: parameters_of::<Work>,
     run: run_of::<Work>,
@@ -61,9 +60,6 @@ pub struct Params {
     pub role: Option<Role>,
     /// Effects of the model.
     pub effects: ModelEffects,
-    /// Order of the session's recordings, if the laboratory lists them.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub recordings: Vec<String>,
 }
 
 impl Params {
@@ -80,7 +76,6 @@ impl Params {
             robot: session.robot.clone(),
             role: trial.map(|t| t.role),
             effects: session.model_effects(),
-            recordings: session.facts.recordings.clone(),
         }
     }
 }
@@ -162,9 +157,8 @@ pub fn row_noise<'a>(params: &Params, subject: &'a Subject) -> Option<Noise<'a>>
 
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
     let results = inputs.results;
-    let calendar = || Calendar::from_order(&params.recordings, inputs.expected(), results.workspace());
     let subject = results.load_subject("calibrate")?;
-    let rows = TrialRows::load(results, None, &calendar, inputs.trial()?, &subject)?;
+    let rows = TrialRows::load(results, None, &|| inputs.calendar(), inputs.trial()?, &subject)?;
     let mut slides = Vec::new();
     // only identification uses the slides
     let person = !params.is_object && params.role == Some(Role::Identify);

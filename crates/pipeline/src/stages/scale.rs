@@ -98,7 +98,8 @@ fn static_source(
     match names.first() {
         Some(name) => Ok((name.clone(), None)),
         None => {
-            let statics = inputs.expected().iter().filter(|(_, role)| *role == Role::Static);
+            let expected = inputs.expected();
+            let statics = expected.iter().filter(|(_, role)| *role == Role::Static);
             let tried: Vec<&str> = statics.map(|(name, _)| name.as_str()).collect();
             let problem = if tried.is_empty() {
                 format!("no static trial in {}: no recording matches `trials: {{static: …}}`", inputs.data().display())

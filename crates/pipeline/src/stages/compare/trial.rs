@@ -1,7 +1,7 @@
 //! A trial with everything that the comparison reads.
 
 use super::Params;
-use crate::plate_zeros::Zero;
+use crate::plate_zeros::{SessionZeros, Zero};
 use crate::results::Results;
 use crate::stages::calibrate::GEOMETRY_ERRORS_FILE;
 use crate::stages::filter::low_pass;
@@ -21,6 +21,7 @@ use aloft_workspace::manifest::WHOLE_STUDY;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 
 /// One trial with everything that the comparison reads.
 pub struct ComparedTrial {
@@ -63,6 +64,15 @@ pub struct DrawnErrors {
 impl PoseErrors for DrawnErrors {
     fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
         self.markers.draw(motion, wanted, seed, draw)
+    }
+    fn draw_each(
+        &self,
+        motion: &Motion,
+        wanted: &dyn Fn(u64, usize) -> bool,
+        seed: u64,
+        draws: Range<u64>,
+    ) -> Vec<Motion> {
+        self.markers.draw_each(motion, wanted, seed, draws)
     }
     fn with_geometry(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool) -> Vec<(Model, Motion)> {
         let seen = self.markers.with_geometry(motion, wanted, &self.geometries);
@@ -112,7 +122,7 @@ impl ComparedTrial {
         results: Results<'_>,
         role: Role,
         name: &str,
-        others: &[String],
+        others: &SessionZeros<'_>,
         rows: TrialRows,
     ) -> Result<Self, StageFailure> {
         let effects = effect_columns(&params.effects, &rows)?;
@@ -125,7 +135,7 @@ impl ComparedTrial {
         results: Results<'_>,
         role: Role,
         name: &str,
-        others: &[String],
+        others: &SessionZeros<'_>,
         rows: TrialRows,
         effects: Option<EffectColumns>,
     ) -> Result<Self, StageFailure> {
@@ -146,7 +156,7 @@ impl ComparedTrial {
             _ => None,
         };
         let tares = results.load_tares(name)?;
-        let zero = Zero::of(results, name, &tares, others);
+        let zero = Zero::of(name, &tares, others);
         let (untared, offset_range) = (measured.is_some() && zero.unknown, zero.range);
         Ok(Self {
             name: name.to_owned(),
@@ -223,16 +233,17 @@ fn lean(mut motion: Motion) -> Motion {
 pub fn load_trials(
     params: &Params,
     results: Results<'_>,
-    calendar: &(dyn Fn() -> Calendar + Sync),
+    calendar: &(dyn Fn() -> Result<Arc<Calendar>, StageFailure> + Sync),
     trials: &[(String, Role)],
 ) -> Result<Vec<ComparedTrial>, StageFailure> {
     let subject = results.load_subject("calibrate")?;
     let names: Vec<String> = trials.iter().map(|(name, _)| name.clone()).collect();
+    let zeros = SessionZeros::new(results, &names);
     trials
         .par_iter()
         .map(|(name, role)| {
             let rows = TrialRows::load(results, Some(&params.filter), &calendar, name, &subject)?;
-            ComparedTrial::of(params, results, *role, name, &names, rows)
+            ComparedTrial::of(params, results, *role, name, &zeros, rows)
         })
         .collect()
 }
