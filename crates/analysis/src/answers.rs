@@ -52,7 +52,7 @@ pub(crate) fn keep(session: &SubjectSession, answer: &Kept<Discovery>) -> Result
     disk::create_dir_all(&session.workspace.join(FOLDER))?;
     seal::write_whole(&place, answer)?;
     let mut all = files(&session.workspace)?;
-    all.sort_by(|a, b| a.0.cmp(&b.0));
+    all.sort();
     let more = all.len().saturating_sub(MOST);
     for (_, path) in all.into_iter().filter(|(_, path)| *path != place).take(more) {
         std::fs::remove_file(&path).map_err(PipelineError::io("remove", &path))?;
