@@ -13,6 +13,7 @@ mod demo;
 mod estimators;
 mod export;
 mod few_flights;
+mod files_of_others;
 mod help;
 mod invisible;
 mod kill;

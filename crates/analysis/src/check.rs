@@ -182,7 +182,7 @@ fn read_one(session: &SubjectSession, entry: &TrialEntry, row: &mut CheckRow) ->
         return Ok(read.remarks.into_iter().map(Remark::Other).collect());
     }
     let import = session.import_of(Some(entry));
-    let mut trial = read_recording(import, &Recording::of(entry))?;
+    let mut trial = read_recording(import, &session.names_of_person(Some(entry)), &Recording::of(entry))?;
     holds_enough(import, &Recording::of(entry), &trial)?;
     let matched = apply_marker_set(&mut trial, &session.marker_set, &import.aliases);
     let quality = assess(&trial, Some(&matched), &[], &[], &QualityOptions::default());

@@ -89,13 +89,17 @@ pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<
         ));
     }
     let files = recordings_below(folder)?;
-    let (seen, broken) = look(folder, &layout.subjects, &files);
+    let (seen, broken) = look(folder, &layout.subjects, &files, options.subject.as_deref());
+    if layout.subjects.is_empty() {
+        look::one_person(folder, &broken, seen.len() + broken.len(), options.subject.as_deref())?;
+    }
     if seen.is_empty() {
         return Err(PipelineError::request_hint(
             format!("{}: no recording could be read ({} files tried)", folder.display(), broken.len()),
-            broken.first().cloned().unwrap_or_else(|| "expected .c3d or .trc files".to_owned()),
+            broken.first().map_or_else(|| "expected .c3d or .trc files".to_owned(), |b| b.failure.problem.clone()),
         ));
     }
+    let unread = look::unread_words(&broken, seen.len() + broken.len());
     let (mut seen, versions) = versions::last(seen);
     let one = layout.subjects.is_empty();
     if one && !options.one_subject {
@@ -121,11 +125,11 @@ pub fn init(folder: &Path, out: Option<&Path>, options: &InitOptions) -> Result<
             why: "other marker labels than the rest, so probably of another laboratory; not used:",
             names: strays,
         },
-        NotUsed { why: "could not be read:", names: broken },
+        NotUsed { why: "could not be read:", names: broken.into_iter().map(|b| b.failure.problem).collect() },
     ];
     let name = pipeline_name(folder, &target, options.subject.as_deref());
     let (text, notes) = write(folder, &target, &name, &layout, files.len(), &seen, &not_used)?;
-    save(target, &text, notes)
+    save(target, &text, unread.into_iter().chain(notes).collect())
 }
 
 fn save(target: PathBuf, text: &str, notes: Vec<String>) -> Result<Written, PipelineError> {
@@ -505,6 +509,15 @@ fn write(
     line("import:".to_owned());
     line("  up_axis: auto         # x, y, z: the vertical of the recordings".to_owned());
     line("  fill_gaps_s: 0.1      # longest gap that is filled, s".to_owned());
+    let several = seen.iter().find(|s| layout.subjects.is_empty() && !s.trial.people.is_empty());
+    if let Some((person, people)) = several.and_then(|s| Some((s.trial.person.as_ref()?, s.trial.people.join(", ")))) {
+        line(format!(
+            "  person: {}   # the recordings hold markers of {}",
+            quote::yaml(person),
+            quote::visible(&people)
+        ));
+        notes.push(format!("the recordings hold markers of several people ({people}): those of {person} are used"));
+    }
     let renamed = match own_model {
         Some(_) => Vec::new(),
         None => renamed_labels(&set, seen)?,

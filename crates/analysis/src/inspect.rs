@@ -90,6 +90,10 @@ pub(crate) fn read_contents(name: &str, file: &Path) -> Result<(Trial, Option<C3
     {
         return Ok((Trial::contents_of_c3d(name, &c3d, &options).map_err(damaged)?, Some(c3d)));
     }
+    if is("trc") {
+        let text = String::from_utf8_lossy(&bytes()?).into_owned();
+        return Ok((Trial::contents_of_trc_mot(name, &text, None, &options).map_err(damaged)?, None));
+    }
     Ok((read_file(name, file, None, &options).map_err(request)?, None))
 }
 

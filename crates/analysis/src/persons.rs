@@ -28,6 +28,30 @@ pub fn persons(session: &SubjectSession) -> Vec<NamedPerson> {
     named.into_values().collect()
 }
 
+/// Whose markers were used in recordings that hold several people, in words; none without such
+/// recordings.
+pub fn chosen_person(session: &SubjectSession) -> Option<String> {
+    let ws = Workspace::open(&session.workspace);
+    let mut chosen: BTreeMap<(String, Vec<String>), usize> = BTreeMap::new();
+    for trial in session.included() {
+        let Some(manifest) = ws.manifest("import", &trial.name).filter(|m| m.is_ok()) else { continue };
+        let word = |v: &serde_json::Value| v.as_str().map(str::to_owned);
+        let Some(person) = manifest.summary.get("person").and_then(word) else { continue };
+        let Some(people) = manifest.summary.get("people").and_then(|p| p.as_array()) else { continue };
+        let others = people.iter().filter_map(word).filter(|p| *p != person).collect();
+        *chosen.entry((person, others)).or_default() += 1;
+    }
+    let each: Vec<String> = chosen
+        .iter()
+        .map(|((person, others), n)| {
+            let of = if *n == 1 { "1 recording that also holds" } else { "recordings that also hold" };
+            let count = if *n == 1 { String::new() } else { format!("{n} ") };
+            format!("the markers of `{person}` were used, in {count}{of} {}", abridged(others))
+        })
+        .collect();
+    (!each.is_empty()).then(|| each.join("; "))
+}
+
 /// What to say where the recordings name several persons; none for one or none.
 pub fn several_persons(persons: &[NamedPerson]) -> Option<String> {
     let each: Vec<String> = persons.iter().map(|p| format!("`{}` in {}", p.name, abridged(&p.trials))).collect();

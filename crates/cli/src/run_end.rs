@@ -10,7 +10,7 @@ use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, compare};
 use aloft_analysis::corrections::offers;
 use aloft_analysis::next_step::{NextStep, next_step};
-use aloft_analysis::persons::{persons, several_persons};
+use aloft_analysis::persons::{chosen_person, persons, several_persons};
 use aloft_analysis::repeated::{EXCLUDE, repeated, repeated_words};
 use aloft_analysis::session_check::session_check;
 use aloft_analysis::summary::Summary;
@@ -91,6 +91,9 @@ pub fn show(
         }
     }
     for session in &set.members {
+        if let Some(words) = chosen_person(session) {
+            out(labelled("person      ", &words))?;
+        }
         if let Some(words) = several_persons(&persons(session)) {
             out(labelled("persons     ", &words))?;
         }

@@ -23,7 +23,9 @@ pub fn refuse_unknown_plates(sessions: &[&SubjectSession]) -> Result<(), Pipelin
             return Ok(());
         }
         // a recording that cannot be read is reported by its import
-        if let Ok(recording) = read_recording(session.import_of(Some(trial)), &Recording::of(trial)) {
+        if let Ok(recording) =
+            read_recording(session.import_of(Some(trial)), &session.names_of_person(Some(trial)), &Recording::of(trial))
+        {
             read += 1;
             for plate in &recording.plates {
                 open.remove(&plate.name);

@@ -1,49 +1,54 @@
 //! Reading one recording from disk, before a marker set is applied.
 
 use crate::graph::Recording;
-use aloft_study::config::{ImportConfig, Vertical};
+use aloft_study::config::ImportConfig;
 use aloft_study::quote;
 use aloft_study::recordings::bids_beside;
-use aloft_trial::{BidsMotion, ImportOptions, Trial, UpAxis};
+use aloft_trial::{BidsMotion, ImportOptions, Trial, TrialError};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::qc::QcReason;
+use std::path::Path;
 
-/// Reads a recording with the settings of the pipeline, before a marker set is applied.
-pub fn read_recording(import: &ImportConfig, recording: &Recording) -> Result<Trial, StageFailure> {
-    let options = ImportOptions {
-        up_axis: match import.up_axis {
-            Vertical::Auto => None,
-            Vertical::X => Some(UpAxis::X),
-            Vertical::Y => Some(UpAxis::Y),
-            Vertical::Z => Some(UpAxis::Z),
-        },
-        strip_prefix: import.strip_prefix,
-        point_unit: import.point_unit.clone(),
-        ..ImportOptions::default()
-    };
+/// Reads a recording with the settings of the pipeline, before a marker set is applied. Of several
+/// people in it, the one with the first of the names `people` is read.
+pub fn read_recording(import: &ImportConfig, people: &[String], recording: &Recording) -> Result<Trial, StageFailure> {
+    let options = ImportOptions { people: people.to_vec(), ..import.options() };
     read_file(&recording.name, &recording.file, recording.forces.as_deref(), &options)
 }
 
 /// The failure of a recording that cannot be read, with what to do.
-pub fn unreadable(name: &str, file: &std::path::Path, error: &aloft_trial::TrialError) -> StageFailure {
+pub fn unreadable(name: &str, file: &Path, error: &TrialError) -> StageFailure {
     let name = quote::yaml(&quote::pattern(name));
-    StageFailure::with_hint(
-        format!("{}: {error}", file.display()),
-        format!("export or copy it again, or exclude it: `trials: {{exclude: [{{trial: {name}, reason: …}}]}}`"),
-    )
-    .because(QcReason::UnreadableFile)
+    let exclude = format!("exclude it: `trials: {{exclude: [{{trial: {name}, reason: …}}]}}`");
+    let (hint, reason) = match error {
+        TrialError::SeveralPeople { .. } => {
+            ("name the one to use: `import: {person: …}`".to_owned(), QcReason::SeveralPeople)
+        }
+        TrialError::NoCommonTime { .. } => (
+            format!("if both start together, set `import: {{force_times: from_first_frame}}`; or {exclude}"),
+            QcReason::ClocksDiffer,
+        ),
+        TrialError::ForceColumn { .. } => {
+            ("correct the names under `import: {forces: …}`".to_owned(), QcReason::UnreadableFile)
+        }
+        _ => (format!("export or copy it again, or {exclude}"), QcReason::UnreadableFile),
+    };
+    StageFailure::with_hint(format!("{}: {error}", file.display()), hint).because(reason)
 }
 
 /// Reads one recording from disk.
 pub fn read_file(
     name: &str,
-    file: &std::path::Path,
-    forces: Option<&std::path::Path>,
+    file: &Path,
+    forces: Option<&Path>,
     options: &ImportOptions,
 ) -> Result<Trial, StageFailure> {
-    let label = |e: aloft_trial::TrialError| unreadable(name, file, &e);
+    let label = |e: TrialError| {
+        let of_forces = matches!(e, TrialError::Text { format: "MOT", .. } | TrialError::ForceColumn { .. });
+        unreadable(name, forces.filter(|_| of_forces).unwrap_or(file), &e)
+    };
     if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) {
-        let text = |p: &std::path::Path| {
+        let text = |p: &Path| {
             std::fs::read(p).map(|b| String::from_utf8_lossy(&b).into_owned()).map_err(PipelineError::io("read", p))
         };
         let trc = text(file)?;
@@ -57,8 +62,8 @@ pub fn read_file(
     Trial::from_c3d(name, &bytes, options).map_err(label)
 }
 
-fn read_bids(name: &str, file: &std::path::Path, options: &ImportOptions) -> Result<Trial, StageFailure> {
-    let lossy = |p: &std::path::Path| {
+fn read_bids(name: &str, file: &Path, options: &ImportOptions) -> Result<Trial, StageFailure> {
+    let lossy = |p: &Path| {
         std::fs::read(p).map(|b| String::from_utf8_lossy(&b).into_owned()).map_err(PipelineError::io("read", p))
     };
     let files = bids_beside(file);
@@ -101,7 +106,7 @@ pub fn abridged(names: &[String]) -> String {
 }
 
 /// `acq_time` of a recording from the scans table of its session (BIDS).
-fn acquired(scans: &str, file: &std::path::Path) -> Option<aloft_trial::RecordedAt> {
+fn acquired(scans: &str, file: &Path) -> Option<aloft_trial::RecordedAt> {
     let mut lines = scans.lines().map(|l| l.split('\t').map(str::trim).collect::<Vec<_>>());
     let header = lines.next()?;
     let column = |name: &str| header.iter().position(|h| *h == name);

@@ -19,7 +19,8 @@ pub struct Columns {
 
 impl Columns {
     /// Reads CSV with a header line, separated by comma, semicolon or tab; gzip is recognised by
-    /// its first bytes. Empty fields and `nan` are missing values.
+    /// its first bytes. Empty fields and words for a missing value (`nan`, `NULL`, `-`; see
+    /// [`aloft_trial::missing`]) are missing.
     ///
     /// # Errors
     /// [`RobotError::Table`] for a damaged archive, a row with another number of fields, a field
@@ -133,10 +134,7 @@ impl Columns {
 }
 
 fn number(field: &[u8]) -> Option<f64> {
-    if field.is_empty() {
-        return Some(f64::NAN);
-    }
-    std::str::from_utf8(field).ok()?.parse().ok()
+    aloft_trial::missing::number(std::str::from_utf8(field).ok()?)
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use crate::quote;
 use crate::ranges;
 use crate::recordings::SessionId;
 use aloft_body::{PersonFacts, Sex};
+use aloft_trial::missing::is_missing;
 use aloft_workspace::error::PipelineError;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -192,6 +193,12 @@ fn beside(at: &FactPlaces<'_>) -> Result<(FactsFile, Vec<String>), PipelineError
     Ok((found.into_iter().fold(FactsFile::default(), |facts, (more, _)| facts.or(more)), sources))
 }
 
+/// The name of the subject that a file in this folder states; none where the file cannot be read,
+/// which a run reports.
+pub fn stated_name(folder: &Path) -> Option<String> {
+    facts_file(folder).ok()?.and_then(|(facts, _)| facts.name)
+}
+
 fn facts_file(folder: &Path) -> Result<Option<(FactsFile, String)>, PipelineError> {
     for name in ["subject.yaml", "subject.yml", "object.yaml", "object.yml", "robot.yaml", "robot.yml"] {
         if let Some(facts) = one_file(&folder.join(name))? {
@@ -274,7 +281,8 @@ pub(crate) fn find_facts(
     let sex = match s.sex.clone().or(facts.sex).as_deref().map(str::to_ascii_lowercase).as_deref() {
         Some("f" | "female") => Some(Sex::Female),
         Some("m" | "male") => Some(Sex::Male),
-        Some("" | "n/a") | None => None,
+        None => None,
+        Some(word) if is_missing(word) => None,
         Some(other) => {
             return Err(error_at_key(file, text, "sex", format!("sex is `{other}`, expected F or M"), None));
         }
@@ -338,7 +346,12 @@ impl Tsv {
 
     fn get<'t>(&self, row: &'t [String], names: &[&str]) -> Option<&'t str> {
         let column = self.header.iter().position(|h| names.contains(&h.to_ascii_lowercase().as_str()))?;
-        row.get(column).map(String::as_str).filter(|v| !v.is_empty() && !v.eq_ignore_ascii_case("n/a"))
+        // a participant may be called `na`
+        let missing = |v: &str| match names {
+            ["participant_id" | "session_id"] => v.is_empty() || v.eq_ignore_ascii_case("n/a"),
+            _ => is_missing(v),
+        };
+        row.get(column).map(String::as_str).filter(|v| !missing(v))
     }
 
     fn row(&self, key: &str, name: &str) -> Option<&(usize, Vec<String>)> {

@@ -347,6 +347,19 @@ impl SubjectSession {
         trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.import, |s| &s.import)
     }
 
+    /// Names by which the person may be called where a recording holds several people, the surest
+    /// first: the one that the pipeline states, or else the subject's and those of the folders.
+    pub fn names_of_person(&self, trial: Option<&TrialEntry>) -> Vec<String> {
+        if let Some(stated) = &self.import_of(trial).person {
+            return vec![stated.clone()];
+        }
+        let folder = self.data.file_name().map(|n| n.to_string_lossy().into_owned());
+        let mut names = vec![self.facts.person.name.clone()];
+        names.extend(self.id.subject.iter().cloned().chain(folder));
+        names.dedup();
+        names
+    }
+
     /// Settings of inverse kinematics for a trial.
     pub fn ik_of<'s>(&'s self, trial: Option<&'s TrialEntry>) -> &'s IkConfig {
         trial.and_then(|t| t.settings.as_ref()).map_or(&self.config.ik, |s| &s.ik)

@@ -3,11 +3,13 @@
 //!
 //! Format: Brain Imaging Data Structure 1.9, modality-specific files, *Motion*.
 
+use crate::missing::{is_missing, number};
 use crate::options::{disambiguate, require_content, to_world};
+use crate::people;
 use crate::rows::{Ending, ending};
 use crate::trc::shorten;
 use crate::{ImportOptions, Markers, Trial, TrialError, UpAxis, WarningKind};
-use aloft_c3d::{metres_per, strip_subject};
+use aloft_c3d::metres_per;
 use nalgebra::Vector3;
 
 /// The texts of one BIDS-Motion recording.
@@ -36,7 +38,8 @@ struct Channel {
 }
 
 impl Trial {
-    /// Reads a BIDS-Motion recording. `n/a` is missing. An incomplete last line is left out, and a
+    /// Reads a BIDS-Motion recording. `n/a` is missing, and so are the words of [`crate::missing`].
+    /// An incomplete last line is left out, and a
     /// recording that is shorter than stated is reported as truncated.
     ///
     /// # Errors
@@ -83,17 +86,14 @@ impl Trial {
             let mut points = vec![Vector3::repeat(f64::NAN); labels.len()];
             for channel in &channels {
                 let cell = cells[channel.column];
-                if cell.is_empty() || cell.eq_ignore_ascii_case("n/a") {
-                    continue;
-                }
-                let value: f64 = cell.parse().map_err(|_| TrialError::Text {
+                let value = number(cell).ok_or_else(|| TrialError::Text {
                     trial: name.to_owned(),
                     format: "_motion.tsv",
                     line: index + 1,
                     found: shorten(cell),
                     expected: "a number or n/a".to_owned(),
                 })?;
-                if value.is_finite() && Some(channel.column) != last_number {
+                if Some(channel.column) != last_number {
                     points[channel.marker][channel.axis] = value * channel.metres;
                 }
             }
@@ -111,10 +111,17 @@ impl Trial {
                 path.push(point);
             }
         }
+        let chosen = people::choose(&labels, options.strip_prefix, &options.people, &[]);
+        chosen.tell(&mut trial);
+        let mut kept = chosen.labels.iter();
+        trajectories.retain(|_| kept.next().is_some_and(Option::is_some));
+        let mut labels: Vec<String> = chosen.labels.into_iter().flatten().collect();
+        disambiguate(&mut labels, &mut trial.warnings);
         let n_frames = trajectories.first().map_or(0, Vec::len);
         warn_of_length(&mut trial, n_frames, source.duration_s.map(|s| s * rate_hz));
         trial.markers = Markers { rate_hz, first_frame: 1, n_frames, labels, trajectories };
         require_content(&trial, || "no channel of type POS".to_owned())?;
+        people::require_one(&trial)?;
         to_world(&mut trial, options, source.spatial_axes.and_then(up_of_axes), UpAxis::Z);
         Ok(trial)
     }
@@ -127,10 +134,7 @@ fn cut(rows: &[(usize, &str)], cells: &[&str], n_columns: usize) -> Ending {
     if cells.len() < n_columns || last.is_empty() {
         return Ending::Cut;
     }
-    if last.eq_ignore_ascii_case("n/a") {
-        return Ending::Whole;
-    }
-    if last.parse::<f64>().is_err() {
+    if number(last).is_none() {
         return Ending::Cut;
     }
     let above = rows[..rows.len() - 1].iter().filter_map(|(_, l)| l.split('\t').nth(column).map(str::trim));
@@ -224,13 +228,13 @@ fn read_channels(trial: &mut Trial, text: &str, options: &ImportOptions) -> Resu
             return Err(TrialError::Unit { trial: name, place: "_channels.tsv, `units`", found: unit.to_owned() });
         };
         let own = cell(name_at);
-        let point = place("tracked_point").map(cell).filter(|p| !p.is_empty() && !p.eq_ignore_ascii_case("n/a"));
+        let point = place("tracked_point").map(cell).filter(|p| !is_missing(p));
         // Without a tracked point the channel name identifies the marker, with the axis at the end:
         // `LKNE_x`.
         let bare =
             own.strip_suffix(['x', 'y', 'z', 'X', 'Y', 'Z']).map_or(own, |n| n.trim_end_matches(['_', '-', '.']));
         let label = point.unwrap_or(bare);
-        let label = if options.strip_prefix { strip_subject(label) } else { label }.to_owned();
+        let label = label.to_owned();
         // The channels of a point are consecutive; a repeated point is another marker of the same
         // name.
         let known = labels.len().checked_sub(1).filter(|last| labels[*last] == label);
@@ -244,6 +248,5 @@ fn read_channels(trial: &mut Trial, text: &str, options: &ImportOptions) -> Resu
         rate = rate.or_else(|| place("sampling_frequency").and_then(|at| cell(at).parse().ok()));
         channels.push(Channel { column, marker, axis, metres });
     }
-    disambiguate(&mut labels, &mut trial.warnings);
     Ok((labels, channels, rate, n_columns))
 }

@@ -59,6 +59,39 @@ pub enum TrialError {
         #[doc(hidden)]
         expected: String,
     },
+    /// A column of forces that the pipeline names and the table does not have.
+    #[error("{trial}: `import: {{forces: …}}` names `{column}` for the plate `{plate}`; the force file has {found}")]
+    ForceColumn {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        plate: String,
+        #[doc(hidden)]
+        column: String,
+        #[doc(hidden)]
+        found: String,
+    },
+    /// Forces and markers that have no time in common.
+    #[error(
+        "{trial}: forces from {:.3} to {:.3} s and markers from {:.3} to {:.3} s have no time in common",
+        .forces_s[0], .forces_s[1], .markers_s[0], .markers_s[1]
+    )]
+    NoCommonTime {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        forces_s: [f64; 2],
+        #[doc(hidden)]
+        markers_s: [f64; 2],
+    },
+    /// Markers of several people, none of whom has the name of the subject.
+    #[error("{trial}: markers of several people ({people}), and none has the subject's name")]
+    SeveralPeople {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        people: String,
+    },
     /// A unit that is not a length.
     #[error(
         "{trial}: {place}: unit `{found}`; expected mm, cm, dm, m, in or ft; hint: state the unit with `point_unit`"

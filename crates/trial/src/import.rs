@@ -3,7 +3,7 @@
 use crate::limits::leave_out_stuck;
 use crate::mot::{first_time_s, read_ground_reactions};
 use crate::options::{disambiguate, require_content, to_world};
-use crate::person::person_of;
+use crate::people;
 use crate::possible::{is_not_seen, require_possible};
 use crate::recorded;
 use crate::segments::add_segments;
@@ -38,6 +38,7 @@ impl Trial {
     pub fn from_c3d_file(name: &str, file: &C3dFile, options: &ImportOptions) -> Result<Self, TrialError> {
         let trial = Self::contents_of_c3d(name, file, options)?;
         require_content(&trial, || format!("{} points, none of them a labelled marker", file.points.len()))?;
+        people::require_one(&trial)?;
         Ok(trial)
     }
 
@@ -54,7 +55,6 @@ impl Trial {
         leave_out_stuck(&mut trial);
         read_events(&mut trial, file);
         trial.recorded = recorded::of_c3d(file);
-        trial.person = person_of(file);
         trial.start_s = (f64::from(file.first_frame) - 1.0).max(0.0) / file.point_rate_hz;
         require_possible(&trial)?;
         let screen = file.groups.get("POINT", "Y_SCREEN").and_then(|p| p.string());
@@ -72,7 +72,7 @@ impl Trial {
         let mut trial = Self { name: name.to_owned(), ..Self::default() };
         let start_s = first_time_s(name, text)?;
         trial.start_s = start_s;
-        read_ground_reactions(&mut trial, text, start_s)?;
+        read_ground_reactions(&mut trial, text, start_s, options)?;
         leave_out_stuck(&mut trial);
         require_possible(&trial)?;
         to_world(&mut trial, options, None, UpAxis::Y);
@@ -89,6 +89,22 @@ impl Trial {
         mot_text: Option<&str>,
         options: &ImportOptions,
     ) -> Result<Self, TrialError> {
+        let trial = Self::contents_of_trc_mot(name, trc_text, mot_text, options)?;
+        people::require_one(&trial)?;
+        Ok(trial)
+    }
+
+    /// What a TRC file and its forces hold, also where that is several people. For looking at a
+    /// file; [`Trial::from_trc_mot`] is for using it.
+    ///
+    /// # Errors
+    /// Malformed line (the error names it), or no frames or markers.
+    pub fn contents_of_trc_mot(
+        name: &str,
+        trc_text: &str,
+        mot_text: Option<&str>,
+        options: &ImportOptions,
+    ) -> Result<Self, TrialError> {
         if trc_text.trim().is_empty() {
             return Err(TrialError::EmptyFile { trial: name.to_owned() });
         }
@@ -98,7 +114,7 @@ impl Trial {
         trial.start_s = start_s;
         trial.recorded = [Some(trc_text), mot_text].into_iter().flatten().find_map(recorded_in_header);
         if let Some(text) = mot_text {
-            read_ground_reactions(&mut trial, text, start_s)?;
+            read_ground_reactions(&mut trial, text, start_s, options)?;
             leave_out_stuck(&mut trial);
         }
         require_possible(&trial)?;
@@ -135,22 +151,20 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
             "labels are cut to four characters and repeat: full names taken from POINT:DESCRIPTIONS",
         );
     }
-    let mut unlabelled = 0;
-    let mut subjects: BTreeSet<String> = BTreeSet::new();
+    let stored_label = |index: usize| {
+        let point = &file.points[index];
+        if use_descriptions { point.description.trim() } else { point.label.trim() }
+    };
+    let (named, unlabelled): (Vec<usize>, Vec<usize>) =
+        markers.iter().partition(|&&i| !is_unlabelled(split_subject(stored_label(i)).0));
+    let stored: Vec<String> = named.iter().map(|&i| stored_label(i).to_owned()).collect();
+    let chosen = people::choose(&stored, options.strip_prefix, &options.people, &people::stated_people(file));
     let mut labels = Vec::new();
     let mut tracks = Vec::new();
-    for &index in &markers {
+    for (&index, label) in named.iter().zip(&chosen.labels) {
+        let Some(label) = label else { continue };
         let point = &file.points[index];
-        let stored = if use_descriptions { point.description.trim() } else { point.label.trim() };
-        let (bare, subject) = split_subject(stored);
-        if is_unlabelled(bare) {
-            unlabelled += 1;
-            continue;
-        }
-        if let Some(subject) = subject {
-            subjects.insert(subject.to_owned());
-        }
-        labels.push(if options.strip_prefix { bare.to_owned() } else { stored.to_owned() });
+        labels.push(label.clone());
         tracks.push(
             point
                 .xyz
@@ -163,13 +177,10 @@ fn read_points(trial: &mut Trial, file: &C3dFile, options: &ImportOptions) -> Re
                 .collect::<Vec<_>>(),
         );
     }
-    if unlabelled > 0 {
-        trial.warn(WarningKind::Labels, format!("{unlabelled} unlabelled points (`*…`) left out"));
+    if !unlabelled.is_empty() {
+        trial.warn(WarningKind::Labels, format!("{} unlabelled points (`*…`) left out", unlabelled.len()));
     }
-    if subjects.len() > 1 {
-        let names: Vec<_> = subjects.iter().cloned().collect();
-        trial.warn(WarningKind::Labels, format!("labels of several subjects: {}", names.join(", ")));
-    }
+    chosen.tell(trial);
     disambiguate(&mut labels, &mut trial.warnings);
     trial.markers = Markers {
         rate_hz: file.point_rate_hz,

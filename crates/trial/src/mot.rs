@@ -5,10 +5,24 @@
 //! against the rows present (`crate::rows`): missing rows become missing samples, and a truncated
 //! or unordered table is reported with its line. Forces act at a point p and come with a free
 //! moment T: the moment about the world origin is p × F + T.
+//!
+//! Plates are read from the names of the columns: a quantity, an axis and a plate, as OpenSim,
+//! MOtoNMS, OpenCap, AddBiomechanics and others write them (`ground_force_vx`,
+//! `1_ground_force_px`, `ground_force1_vx`, `ground_torque1_x`, `R_ground_torque_y`,
+//! `ground_force_calcn_l_vx`, `calcn_r_force_vx`, `FP1_vx`, `f1_x`, `Fx1`, `COPx1`). Columns that
+//! belong to no plate are listed; `import: {forces: …}` assigns them. Empty cells do not exist here;
+//! `NaN`, `NULL`, `None`, `N/A`, `-`, `1.#QNAN` and the like are missing samples.
+//!
+//! The times of the forces count by the clock of the markers. Times in milliseconds are told by their
+//! length. Forces that have no time in common with the markers start with them if both last equally
+//! long, and are refused otherwise; `import: {force_times: from_first_frame}` decides. Every
+//! difference is a warning with its numbers.
 
-use crate::rows::{Clock, Ending, Source, Stamp, clock, decimals, ending};
+use crate::force_columns::{Assigned, PlateColumns, as_stated, by_name};
+use crate::missing::number;
+use crate::rows::{Clock, Ending, Source, Stamp, TIME_UNITS_S, clock, decimals, ending};
 use crate::trc::shorten;
-use crate::{Plate, Trial, TrialError, Warning, WarningKind};
+use crate::{ForceTimes, ImportOptions, Plate, Trial, TrialError, Warning, WarningKind};
 use nalgebra::Vector3;
 
 /// A table of numbers over time.
@@ -134,6 +148,11 @@ impl Table {
         ));
     }
 
+    /// The values of three columns in a row; zero for a component without a column.
+    fn vector(&self, columns: [Option<usize>; 3], row: usize) -> Vector3<f64> {
+        Vector3::from_fn(|axis, _| columns[axis].map_or(0.0, |column| self.columns[column][row]))
+    }
+
     /// Assigns the rows to samples and checks their number against the stated one.
     fn clock(&self, trial: &str, warnings: &mut Vec<Warning>) -> Result<Clock, TrialError> {
         let of = Source { trial, format: "MOT" };
@@ -184,7 +203,7 @@ fn stated(
     Ok(None)
 }
 
-/// The numbers of a row; NaN for cells that are not numbers.
+/// The numbers of a row; NaN for missing values ([`crate::missing`]).
 fn read_row(
     broken: &impl Fn(usize, &str, &str) -> TrialError,
     index: usize,
@@ -196,59 +215,15 @@ fn read_row(
         if row.len() == width {
             return Err(broken(index, cell, &format!("{width} columns")));
         }
-        match cell.parse::<f64>() {
-            Ok(value) => row.push(if value.is_finite() { value } else { f64::NAN }),
-            Err(_) => return Err(broken(index, cell, "a number")),
+        match number(cell) {
+            Some(value) => row.push(value),
+            None => return Err(broken(index, cell, "a number")),
         }
     }
     if row.len() != width {
         return Err(broken(index, &format!("{} columns", row.len()), &format!("{width} columns")));
     }
     Ok(row)
-}
-
-/// Quantity of a ground reaction column.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Quantity {
-    Force,
-    Point,
-    Moment,
-}
-
-/// Splits a label into the plate's key, the quantity and the axis: `1_ground_force_vx`,
-/// `ground_force_r_px`, `ground_torque_2_x`, `ground_moment_1_mx`, `FP1_ground_force_vz` …
-fn parse_column(label: &str) -> Option<(String, Quantity, usize)> {
-    let lower = label.to_ascii_lowercase();
-    if !(lower.contains("force") || lower.contains("torque") || lower.contains("moment") || lower.contains("grf")) {
-        return None;
-    }
-    let axis = match lower.as_bytes().last()? {
-        b'x' => 0,
-        b'y' => 1,
-        b'z' => 2,
-        _ => return None,
-    };
-    let mut tokens: Vec<&str> = lower.split(['_', '.', ' ']).filter(|t| !t.is_empty()).collect();
-    let tail = tokens.pop()?;
-    let quantity = match &tail[..tail.len() - 1] {
-        "v" | "f" => Quantity::Force,
-        "p" | "cop" => Quantity::Point,
-        "m" | "t" => Quantity::Moment,
-        "" if tokens.iter().any(|t| *t == "torque" || *t == "moment" || *t == "m") => Quantity::Moment,
-        "" if tokens.contains(&"v") => Quantity::Force,
-        "" if tokens.iter().any(|t| *t == "p" || *t == "cop") => Quantity::Point,
-        _ => return None,
-    };
-    tokens.retain(|t| {
-        !matches!(*t, "ground" | "force" | "torque" | "moment" | "reaction" | "grf" | "v" | "p" | "m" | "cop")
-    });
-    Some((tokens.join("_"), quantity, axis))
-}
-
-/// Columns of one plate: `[force, point, moment][axis]`.
-struct PlateColumns {
-    key: String,
-    at: [[Option<usize>; 3]; 3],
 }
 
 /// Time of the first row, s; 0 without rows.
@@ -260,159 +235,173 @@ pub(crate) fn first_time_s(trial: &str, text: &str) -> Result<f64, TrialError> {
 /// Adds the plates of a ground reaction table to the trial (metres, newtons, source axes).
 /// `first_frame_time_s` is the time of the first marker frame: plate samples are cut, or filled
 /// with missing ones, so that both start together.
-pub(crate) fn read_ground_reactions(trial: &mut Trial, text: &str, first_frame_time_s: f64) -> Result<(), TrialError> {
+///
+/// # Errors
+/// Malformed line, a column that `options.forces` names and the table does not have, or times that
+/// have none in common with those of the markers.
+pub(crate) fn read_ground_reactions(
+    trial: &mut Trial,
+    text: &str,
+    first_frame_time_s: f64,
+    options: &ImportOptions,
+) -> Result<(), TrialError> {
     let table = Table::from_mot(&trial.name, text)?;
-    let mut plates: Vec<PlateColumns> = Vec::new();
-    for (column, label) in table.labels.iter().enumerate().skip(1) {
-        let Some((key, quantity, axis)) = parse_column(label) else { continue };
-        let slot = match plates.iter().position(|p| p.key == key) {
-            Some(slot) => slot,
-            None => {
-                plates.push(PlateColumns { key, at: [[None; 3]; 3] });
-                plates.len() - 1
-            }
-        };
-        plates[slot].at[quantity as usize][axis] = Some(column);
-    }
+    let Assigned { plates, unused } = match options.forces.is_empty() {
+        true => by_name(&table.labels),
+        false => as_stated(&trial.name, &table.labels, &options.forces)?,
+    };
     trial.warnings.extend(table.warnings.iter().cloned());
-    let times = &table.columns[0];
-    if times.is_empty() {
+    if table.columns[0].is_empty() {
         trial.warn(WarningKind::Plates, "MOT holds no rows: no plates");
         return Ok(());
     }
     let mut warnings = Vec::new();
     let clock = table.clock(&trial.name, &mut warnings)?;
     trial.warnings.append(&mut warnings);
-    let rate_hz = clock.rate_hz;
-    if !(rate_hz > 0.0 && rate_hz.is_finite()) {
+    if !(clock.rate_hz > 0.0 && clock.rate_hz.is_finite()) {
         trial.warn(WarningKind::Plates, "MOT holds a single row, which has no rate: no plates");
         return Ok(());
     }
-    // Row of each sample; `None` where it is missing.
-    let mut rows: Vec<Option<usize>> = vec![None; clock.n];
-    for (row, place) in clock.places.iter().enumerate() {
-        rows[*place] = Some(row);
+    trial.unused_columns = unused;
+    if plates.is_empty() {
+        trial.warn(WarningKind::Plates, "no column of the MOT file names a force on a plate: no plates");
+        return Ok(());
     }
-    let markers_end_s = first_frame_time_s + trial.markers.n_frames.saturating_sub(1) as f64 / trial.markers.rate_hz;
-    let early_s = markers_end_s - (times[0] + (clock.n - 1) as f64 / rate_hz);
-    if table.stated_rows.is_none() && early_s > 1.5 / trial.markers.rate_hz.min(rate_hz) {
+    let clock = in_seconds(trial, clock);
+    let shift = shift_of(trial, &table, &clock, first_frame_time_s, options.force_times)?;
+    for columns in &plates {
+        let scale = scale_of(trial, &table, columns);
+        trial.plates.push(plate_of(&table, &clock, columns, shift, scale));
+    }
+    Ok(())
+}
+
+/// The clock of the forces in seconds: times that fit the markers only in a smaller unit are in that
+/// unit.
+fn in_seconds(trial: &mut Trial, clock: Clock) -> Clock {
+    let (rate_hz, frames) = (trial.markers.rate_hz, trial.markers.n_frames);
+    let markers_s = frames.saturating_sub(1) as f64 / rate_hz;
+    let forces_s = clock.end_s() - clock.start_s;
+    // As seconds, there would be less than one sample a frame, over more than twice the time of the
+    // markers; a plate is not slower than the cameras.
+    let fits =
+        |unit_s: f64| (0.5..=2.0).contains(&(forces_s * unit_s / markers_s)) && clock.rate_hz >= rate_hz * unit_s;
+    let other = TIME_UNITS_S.into_iter().find(|(unit_s, _)| fits(*unit_s));
+    let Some((unit_s, unit)) = other.filter(|_| markers_s > 0.0 && clock.rate_hz < rate_hz) else { return clock };
+    trial.warn(
+        WarningKind::Clock,
+        format!(
+            "MOT times from {} to {} are read as {unit}: as seconds they would last {:.0} times as long as the markers",
+            clock.start_s,
+            clock.end_s(),
+            forces_s / markers_s
+        ),
+    );
+    clock.in_unit(unit_s)
+}
+
+/// Samples by which the forces start after the first frame; negative if before it.
+fn shift_of(
+    trial: &mut Trial,
+    table: &Table,
+    clock: &Clock,
+    first_frame_time_s: f64,
+    times: ForceTimes,
+) -> Result<f64, TrialError> {
+    let (rate_hz, markers_hz) = (clock.rate_hz, trial.markers.rate_hz);
+    if times == ForceTimes::FromFirstFrame || trial.markers.n_frames == 0 {
+        return Ok(0.0);
+    }
+    let markers_s =
+        [first_frame_time_s, first_frame_time_s + trial.markers.n_frames.saturating_sub(1) as f64 / markers_hz];
+    let forces_s = [clock.start_s, clock.end_s()];
+    let length = |span: [f64; 2]| span[1] - span[0];
+    // one frame and one sample: files are cut at either
+    let near_s = 1.0 / markers_hz + 1.0 / rate_hz;
+    let spans = format!(
+        "forces from {:.3} to {:.3} s, markers from {:.3} to {:.3} s",
+        forces_s[0], forces_s[1], markers_s[0], markers_s[1]
+    );
+    if forces_s[0] > markers_s[1] + near_s || forces_s[1] < markers_s[0] - near_s {
+        if (length(forces_s) - length(markers_s)).abs() > near_s {
+            return Err(TrialError::NoCommonTime { trial: trial.name.clone(), forces_s, markers_s });
+        }
+        let message = format!("{spans}: no time in common, but the same length, so they are read as starting together");
+        trial.warn(WarningKind::Clock, message);
+        return Ok(0.0);
+    }
+    let (late_s, early_s) = (forces_s[0] - markers_s[0], markers_s[1] - forces_s[1]);
+    let cut = trial.forces_truncated().is_some();
+    if late_s > near_s || (early_s > near_s && !cut) {
+        let without = (late_s.max(0.0) + early_s.max(0.0)).min(length(markers_s));
+        let unknown = if table.stated_rows.is_none() { "; MOT states no number of rows" } else { "" };
         trial.warn(
-            WarningKind::Missing,
-            format!("MOT states no number of rows and ends {early_s:.3} s before the markers"),
+            WarningKind::Clock,
+            format!(
+                "{spans}: {without:.3} s of the markers have no forces{unknown}; if both start together, set \
+                 `import: {{force_times: from_first_frame}}`"
+            ),
         );
     }
-    let lead = (times[0] - first_frame_time_s) * rate_hz;
+    let lead = late_s * rate_hz;
     let shift = lead.round();
     if (lead - shift).abs() > 0.25 {
         trial.warn(
             WarningKind::Rows,
             format!(
-                "MOT starts {:.4} s after the markers, not a whole number of samples; forces are off by {:.4} s",
-                lead / rate_hz,
+                "MOT starts {late_s:.4} s after the markers, not a whole number of samples; forces are off by {:.4} s",
                 (shift - lead) / rate_hz
             ),
         );
     }
-    let limit = 10.0 * (clock.n as f64 + trial.markers.n_frames as f64 * rate_hz / trial.markers.rate_hz);
-    if shift.abs() > limit {
-        trial.warn(WarningKind::Plates, format!("MOT starts {:.1} s away from the markers: no plates", lead / rate_hz));
-        return Ok(());
-    }
-
-    let mut found_any = false;
-    for columns in &plates {
-        let [force, point, moment] = columns.at;
-        let [Some(fx), Some(fy), Some(fz)] = force else {
-            trial.warn(WarningKind::Plates, format!("MOT columns `{}` hold no complete force: left out", columns.key));
-            continue;
-        };
-        found_any = true;
-        let vector = |indices: [Option<usize>; 3], row: usize| {
-            Vector3::from_fn(|axis, _| indices[axis].map_or(0.0, |column| table.columns[column][row]))
-        };
-        let mut scale = 1.0;
-        if point.iter().all(Option::is_none) {
-            trial.warn(
-                WarningKind::Plates,
-                format!(
-                    "MOT plate `{}` has no point of application: its moments are taken about the origin",
-                    columns.key
-                ),
-            );
-        } else {
-            let far =
-                (0..times.len()).map(|row| vector(point, row).amax()).filter(|x| x.is_finite()).fold(0.0, f64::max);
-            if far > 50.0 {
-                scale = 1e-3;
-                trial.warn(
-                    WarningKind::Units,
-                    format!(
-                        "MOT plate `{}` has points {far:.0} m away: read as millimetres (moments too)",
-                        columns.key
-                    ),
-                );
-            }
-        }
-        let (skip, pad) = if shift < 0.0 { ((-shift) as usize, 0) } else { (0, shift as usize) };
-        let mut plate = Plate {
-            name: if columns.key.is_empty() { "FP".to_owned() } else { columns.key.clone() },
-            rate_hz,
-            corners_m: Vec::new(),
-            force_n: vec![Vector3::repeat(f64::NAN); pad],
-            moment_nm: vec![Vector3::repeat(f64::NAN); pad],
-        };
-        for row in rows.iter().skip(skip) {
-            let Some(row) = *row else {
-                plate.force_n.push(Vector3::repeat(f64::NAN));
-                plate.moment_nm.push(Vector3::repeat(f64::NAN));
-                continue;
-            };
-            let force_n = Vector3::new(table.columns[fx][row], table.columns[fy][row], table.columns[fz][row]);
-            let point_m = vector(point, row) * scale;
-            let free_nm = vector(moment, row) * scale;
-            // Without contact, some programs write an undefined point: no force, no moment.
-            let arm = if force_n == Vector3::zeros() { Vector3::zeros() } else { point_m.cross(&force_n) };
-            plate.force_n.push(force_n);
-            plate.moment_nm.push(arm + free_nm);
-        }
-        trial.plates.push(plate);
-    }
-    if !found_any {
-        trial.warn(
-            WarningKind::Plates,
-            format!(
-                "MOT holds no ground reaction columns (found `{}` …): no plates",
-                table.labels.get(1).map_or("", String::as_str)
-            ),
-        );
-    }
-    Ok(())
+    Ok(shift)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn regress_column_names_of_five_programs() {
-        let case = |label: &str| parse_column(label).map(|(key, quantity, axis)| (key, quantity as usize, axis));
-        for (label, key, quantity, axis) in [
-            ("ground_force_vx", "", 0, 0),
-            ("1_ground_force_vy", "1", 0, 1),
-            ("l_ground_force_pz", "l", 1, 2),
-            ("ground_torque_y", "", 2, 1),
-            ("1_ground_torque_z", "1", 2, 2),
-            ("ground_force_2_vx", "2", 0, 0),
-            ("ground_force_2_px", "2", 1, 0),
-            ("ground_force_2_mz", "2", 2, 2),
-            ("ground_moment_3_mx", "3", 2, 0),
-            ("ground_torque_3_x", "3", 2, 0),
-            ("ground_force_calcn_r_vy", "calcn_r", 0, 1),
-            ("R_ground_force_vx", "r", 0, 0),
-        ] {
-            assert_eq!(case(label), Some((key.to_owned(), quantity, axis)), "{label}");
-        }
-        assert_eq!(case("pelvis_tx"), None);
-        assert_eq!(case("knee_angle_r"), None);
+/// The unit of a plate's points and moments, m; points far away are millimetres.
+fn scale_of(trial: &mut Trial, table: &Table, columns: &PlateColumns) -> f64 {
+    if columns.point.iter().all(Option::is_none) {
+        let message =
+            format!("MOT plate `{}` has no point of application: its moments are taken about the origin", columns.name);
+        trial.warn(WarningKind::Plates, message);
+        return 1.0;
     }
+    let rows = 0..table.columns[0].len();
+    let far = rows.map(|row| table.vector(columns.point, row).amax()).filter(|x| x.is_finite()).fold(0.0, f64::max);
+    if far <= 50.0 {
+        return 1.0;
+    }
+    let message = format!("MOT plate `{}` has points {far:.0} m away: read as millimetres (moments too)", columns.name);
+    trial.warn(WarningKind::Units, message);
+    1e-3
+}
+
+fn plate_of(table: &Table, clock: &Clock, columns: &PlateColumns, shift: f64, scale: f64) -> Plate {
+    // Row of each sample; `None` where it is missing.
+    let mut rows: Vec<Option<usize>> = vec![None; clock.n];
+    for (row, place) in clock.places.iter().enumerate() {
+        rows[*place] = Some(row);
+    }
+    let (skip, pad) = if shift < 0.0 { ((-shift) as usize, 0) } else { (0, shift as usize) };
+    let mut plate = Plate {
+        name: columns.name.clone(),
+        rate_hz: clock.rate_hz,
+        corners_m: Vec::new(),
+        force_n: vec![Vector3::repeat(f64::NAN); pad],
+        moment_nm: vec![Vector3::repeat(f64::NAN); pad],
+    };
+    for row in rows.iter().skip(skip) {
+        let Some(row) = *row else {
+            plate.force_n.push(Vector3::repeat(f64::NAN));
+            plate.moment_nm.push(Vector3::repeat(f64::NAN));
+            continue;
+        };
+        let force_n = table.vector(columns.force.map(Some), row);
+        let point_m = table.vector(columns.point, row) * scale;
+        let free_nm = table.vector(columns.moment, row) * scale;
+        // Without contact, some programs write an undefined point: no force, no moment.
+        let arm = if force_n == Vector3::zeros() { Vector3::zeros() } else { point_m.cross(&force_n) };
+        plate.force_n.push(force_n);
+        plate.moment_nm.push(arm + free_nm);
+    }
+    plate
 }

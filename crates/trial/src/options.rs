@@ -1,10 +1,23 @@
 //! Import options, and helpers shared by the readers of all formats.
 
 use crate::fall::up_axis_from_fall;
+use crate::force_columns::PlateNames;
 use crate::rows::RATES_HZ;
 use crate::world::{rotate, up_axis_from_body, up_axis_from_plates};
 use crate::{Trial, TrialError, UpAxis, Warning, WarningKind};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What the times of a force file count.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ForceTimes {
+    /// The same clock as the times of the markers.
+    #[default]
+    AsStated,
+    /// A clock of their own: the first row belongs to the first frame.
+    FromFirstFrame,
+}
 
 /// Import options.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -23,17 +36,34 @@ pub struct ImportOptions {
     /// In text formats: three exact zeros mean a missing marker (only in markers that are non-zero
     /// elsewhere).
     pub zero_is_missing: bool,
+    /// Names by which the person may be called whose markers are used where a recording holds
+    /// several people, the surest first.
+    pub people: Vec<String>,
+    /// Columns of each plate in force files; if empty, by the names of the columns.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub forces: BTreeMap<String, PlateNames>,
+    /// What the times of force files count.
+    pub force_times: ForceTimes,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { up_axis: None, strip_prefix: true, point_unit: None, full_names: true, zero_is_missing: true }
+        Self {
+            up_axis: None,
+            strip_prefix: true,
+            point_unit: None,
+            full_names: true,
+            zero_is_missing: true,
+            people: Vec::new(),
+            forces: BTreeMap::new(),
+            force_times: ForceTimes::AsStated,
+        }
     }
 }
 
 /// Numbers repeated labels (`RKNE`, `RKNE#2`), with a warning. All are kept.
 pub(crate) fn disambiguate(labels: &mut [String], warnings: &mut Vec<Warning>) {
-    let mut seen: std::collections::BTreeMap<String, usize> = std::collections::BTreeMap::new();
+    let mut seen: BTreeMap<String, usize> = BTreeMap::new();
     let taken: std::collections::BTreeSet<String> = labels.iter().cloned().collect();
     for label in labels.iter_mut() {
         let count = seen.entry(label.clone()).or_insert(0);

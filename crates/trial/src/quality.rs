@@ -1,6 +1,7 @@
 //! Quality of a recording: one row per marker, and reasons from a closed list for the trial.
 
 use crate::artefacts::{Finding, FindingKind};
+use crate::force_columns::in_words;
 use crate::gaps::{GapFill, missing_runs};
 use crate::labels::MarkerSetMatch;
 use crate::{Plate, Trial};
@@ -135,6 +136,11 @@ pub enum QualityReason {
         /// Plate.
         plate: String,
     },
+    /// Columns of the force file that belong to no plate.
+    ColumnsNotUsed {
+        /// Their labels.
+        columns: Vec<String>,
+    },
 }
 
 impl QualityReason {
@@ -173,6 +179,11 @@ impl std::fmt::Display for QualityReason {
             }
             Self::PlateIncomplete { plate, samples } => write!(f, "plate `{plate}` lacks {samples} samples"),
             Self::PlateSilent { plate } => write!(f, "plate `{plate}` records nothing"),
+            Self::ColumnsNotUsed { columns } => write!(
+                f,
+                "columns of the force file that belong to no plate are not used: {}; `import: {{forces: …}}` assigns them",
+                in_words(columns)
+            ),
         }
     }
 }
@@ -282,6 +293,9 @@ pub fn assess(
     }
     for plate in &trial.plates {
         reasons.extend(plate_reasons(plate));
+    }
+    if !trial.unused_columns.is_empty() {
+        reasons.push(QualityReason::ColumnsNotUsed { columns: trial.unused_columns.clone() });
     }
     reasons.sort_by_key(|reason| std::cmp::Reverse(reason.severity()));
     TrialQuality { trial: trial.name.clone(), n_frames: markers.n_frames, duration_s, markers: rows, reasons }

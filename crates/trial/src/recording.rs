@@ -102,8 +102,12 @@ pub struct Trial {
     pub world_from_source: Rotation3<f64>,
     /// When the recording was made, if its file states it.
     pub recorded: Option<RecordedAt>,
-    /// The person that the file names (SUBJECTS:NAMES), if it names exactly one.
+    /// The person whose markers these are, if the file (SUBJECTS:NAMES) or the labels say so.
     pub person: Option<String>,
+    /// Everybody whose markers the file holds, if these are several people.
+    pub people: Vec<String>,
+    /// Columns of the force file that belong to no plate.
+    pub unused_columns: Vec<String>,
     /// Time of the first frame by the frame numbers or the time column of the source, s.
     pub start_s: f64,
     /// Irregularities found during import.

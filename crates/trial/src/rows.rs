@@ -4,6 +4,7 @@
 //! the frame numbers, the stated rate and the stated number of rows are therefore checked against
 //! each other. A missing row is a missing sample; it never changes the rate.
 
+use crate::missing::is_missing;
 use crate::{TrialError, Warning, WarningKind};
 
 /// Range of plausible sampling rates, Hz.
@@ -12,8 +13,17 @@ pub(crate) const RATES_HZ: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
 /// Tolerance of a time as a fraction of a step, in addition to the rounding of the column.
 const JITTER: f64 = 0.3;
 
-/// Tolerated relative difference between the stated rate and the rate of the time column.
+/// Relative difference between the stated rate and that of the time column up to which frame
+/// numbers tell which rows are missing, and times in another unit are recognised.
 const RATE_TOLERANCE: f64 = 0.005;
+
+/// Relative difference of two rates that no recording can tell: the quartz of a camera is that
+/// accurate.
+const QUARTZ: f64 = 5e-5;
+
+/// Units in which programs write times by mistake, s.
+pub(crate) const TIME_UNITS_S: [(f64, &str); 3] =
+    [(1e-3, "milliseconds"), (1e-6, "microseconds"), (1e-9, "nanoseconds")];
 
 /// Time information of one row.
 #[derive(Debug, Clone, Copy)]
@@ -37,6 +47,20 @@ pub(crate) struct Clock {
     pub places: Vec<usize>,
     /// Number of samples, including missing ones.
     pub n: usize,
+    /// Time of the first row, s.
+    pub start_s: f64,
+}
+
+impl Clock {
+    /// Time of the last sample, s.
+    pub fn end_s(&self) -> f64 {
+        self.start_s + self.n.saturating_sub(1) as f64 / self.rate_hz
+    }
+
+    /// The same clock, whose times were in another unit.
+    pub fn in_unit(self, unit_s: f64) -> Self {
+        Self { rate_hz: self.rate_hz / unit_s, start_s: self.start_s * unit_s, ..self }
+    }
 }
 
 /// Source of the rows, for messages.
@@ -65,7 +89,8 @@ pub(crate) fn decimals(cell: &str) -> i32 {
     behind as i32 - exponent.parse::<i32>().unwrap_or(0)
 }
 
-/// Assigns rows to samples.
+/// Assigns rows to samples. The times count: a stated rate that differs from theirs, and a unit
+/// that is not the second, are warned of.
 ///
 /// # Errors
 /// Times or frame numbers that do not increase, a time step that is not a multiple of the others,
@@ -77,12 +102,58 @@ pub(crate) fn clock(
     warnings: &mut Vec<Warning>,
 ) -> Result<Clock, TrialError> {
     let (Some(first), Some(last)) = (rows.first(), rows.last()) else {
-        return Ok(Clock { rate_hz: stated_hz.unwrap_or(f64::NAN), places: Vec::new(), n: 0 });
+        return Ok(Clock { rate_hz: stated_hz.unwrap_or(f64::NAN), places: Vec::new(), n: 0, start_s: 0.0 });
     };
+    if let Some((unit_s, unit)) = other_unit(rows, stated_hz) {
+        let by = |t: f64| t * unit_s;
+        warnings.push(Warning::new(
+            WarningKind::Clock,
+            format!(
+                "{} times from {} to {} fit the stated {} Hz as {unit}, not as seconds: read as {unit}",
+                of.format,
+                first.time_s,
+                last.time_s,
+                stated_hz.unwrap_or(f64::NAN)
+            ),
+        ));
+        let more = (-unit_s.log10()).round() as i32;
+        let rows: Vec<Stamp> =
+            rows.iter().map(|r| Stamp { time_s: by(r.time_s), decimals: r.decimals + more, ..*r }).collect();
+        return clock(of, &rows, stated_hz, warnings);
+    }
     let rounding = 10_f64.powi(-rows.iter().map(|r| r.decimals).max().unwrap_or(0).clamp(-9, 15));
     // With too few digits for the rate, times repeat: then frame numbers and the stated rate are
     // used.
     let coarse = stated_hz.is_some_and(|hz| rounding * hz > 0.9) && first.number.is_some();
+    in_order(of, rows, coarse)?;
+    if rows.len() == 1 {
+        return Ok(Clock { rate_hz: stated_hz.unwrap_or(f64::NAN), places: vec![0], n: 1, start_s: first.time_s });
+    }
+    let by_number = stated_hz.and_then(|rate_hz| by_number(rows, rate_hz, rounding));
+    let numbered = by_number.is_some();
+    let places = by_number.map_or_else(|| by_time(of, rows, rounding), Ok)?;
+    let rate_hz = rate_of(of, rows, &places, stated_hz, rounding, warnings);
+    let odd = (1..rows.len()).filter(|_| !numbered).find(|&i| {
+        let step = rows[i].number.zip(rows[i - 1].number).map(|(a, b)| a - b);
+        step.is_some_and(|s| s != (places[i] - places[i - 1]) as i64)
+    });
+    if let Some(odd) = odd {
+        warnings.push(Warning::new(
+            WarningKind::Clock,
+            format!(
+                "{} line {}: frame {} follows frame {}, but its time does not fit; the times are used",
+                of.format,
+                rows[odd].line,
+                rows[odd].number.unwrap_or_default(),
+                rows[odd - 1].number.unwrap_or_default()
+            ),
+        ));
+    }
+    fill(of, rows, places, rate_hz, warnings)
+}
+
+/// Frame numbers and times must grow.
+fn in_order(of: Source<'_>, rows: &[Stamp], coarse: bool) -> Result<(), TrialError> {
     for pair in rows.windows(2) {
         let (a, b) = (pair[0], pair[1]);
         if let (Some(before), Some(number)) = (a.number, b.number)
@@ -102,50 +173,53 @@ pub(crate) fn clock(
             ));
         }
     }
-    if rows.len() == 1 {
-        return Ok(Clock { rate_hz: stated_hz.unwrap_or(f64::NAN), places: vec![0], n: 1 });
-    }
-    if let Some(rate_hz) = stated_hz
-        && let Some(places) = by_number(rows, rate_hz, rounding)
-    {
-        return fill(of, rows, places, rate_hz, warnings);
-    }
-    let places = by_time(of, rows, rounding)?;
-    let steps = places.last().copied().unwrap_or(1).max(1);
-    let measured_hz = steps as f64 / (last.time_s - first.time_s);
-    // Times are printed with few digits: a rate within 0.05 % of a whole number is rounded to it.
-    let whole = measured_hz.round();
-    let measured_hz = if whole > 0.0 && (measured_hz / whole - 1.0).abs() < 5e-4 { whole } else { measured_hz };
-    let rate_hz = match stated_hz {
-        Some(stated) if (measured_hz / stated - 1.0).abs() <= RATE_TOLERANCE => stated,
+    Ok(())
+}
+
+/// A unit with which the times fit the stated rate and the frame numbers, where seconds do not.
+fn other_unit(rows: &[Stamp], stated_hz: Option<f64>) -> Option<(f64, &'static str)> {
+    let (first, last, stated_hz) = (rows.first()?, rows.last()?, stated_hz?);
+    let stated_s = (last.number? - first.number?) as f64 / stated_hz;
+    let ratio = (last.time_s - first.time_s) / stated_s;
+    TIME_UNITS_S.into_iter().find(|(unit_s, _)| (ratio * unit_s - 1.0).abs() <= RATE_TOLERANCE)
+}
+
+/// The rate of the times, Hz; the stated one, or else a whole number, where the times cannot tell it
+/// from theirs: they have few digits, and jitter.
+fn rate_of(
+    of: Source<'_>,
+    rows: &[Stamp],
+    places: &[usize],
+    stated_hz: Option<f64>,
+    rounding: f64,
+    warnings: &mut Vec<Warning>,
+) -> f64 {
+    let start_s = rows[0].time_s;
+    let steps = places.last().copied().unwrap_or(1).max(1) as f64;
+    let length_s = rows[rows.len() - 1].time_s - start_s;
+    let step_s = length_s / steps;
+    let off = |(r, k): (&Stamp, &usize)| (r.time_s - start_s - *k as f64 * step_s).abs();
+    let spread_s = rows.iter().zip(places).map(off).fold(0.0, f64::max);
+    let unsure_s = (rounding + spread_s).max(QUARTZ * length_s);
+    let agrees = |hz: f64| hz > 0.0 && (steps / hz - length_s).abs() <= unsure_s;
+    let whole = (steps / length_s).round();
+    let measured_hz = if agrees(whole) { whole } else { steps / length_s };
+    match stated_hz {
+        Some(stated) if agrees(stated) => stated,
         Some(stated) => {
+            let drift_ms = 1e3 * (measured_hz / stated - 1.0).abs();
             warnings.push(Warning::new(
-                WarningKind::Contradiction,
+                WarningKind::Clock,
                 format!(
-                    "{} states {stated} Hz but its times run at {measured_hz:.3} Hz; the times are used",
+                    "{} states {stated} Hz, but its times run at {measured_hz:.3} Hz ({drift_ms:.3} ms a second); \
+                     the times are used",
                     of.format
                 ),
             ));
             measured_hz
         }
         None => measured_hz,
-    };
-    if let Some(odd) = (1..rows.len()).find(|&i| {
-        let step = rows[i].number.zip(rows[i - 1].number).map(|(a, b)| a - b);
-        step.is_some_and(|s| s != (places[i] - places[i - 1]) as i64)
-    }) {
-        warnings.push(Warning::new(
-            WarningKind::Contradiction,
-            format!(
-                "{} line {}: frame {} follows frame {}, but its time does not fit; the times are used",
-                of.format,
-                rows[odd].line,
-                rows[odd].number.unwrap_or_default(),
-                rows[odd - 1].number.unwrap_or_default()
-            ),
-        ));
     }
-    fill(of, rows, places, rate_hz, warnings)
 }
 
 /// Samples from frame numbers, if the times agree with them at the stated rate.
@@ -234,7 +308,7 @@ fn fill(
             format!("{}: {missing} frames are not in the file, the first {place}; they are kept as missing", of.format),
         ));
     }
-    Ok(Clock { rate_hz, places, n })
+    Ok(Clock { rate_hz, places, n, start_s: rows.first().map_or(0.0, |r| r.time_s) })
 }
 
 /// State of the last line of a text without a final line break.
@@ -250,6 +324,10 @@ pub(crate) enum Ending {
 
 /// Compares the last number of an unterminated file with those above it in the same column.
 pub(crate) fn ending<'a>(last: &str, above: impl Iterator<Item = &'a str>) -> Ending {
+    if is_missing(last) {
+        // a dash or a dot may be the beginning of a number, `na` that of `nan`
+        return if last.len() > 2 { Ending::Whole } else { Ending::Doubtful };
+    }
     let own = decimals(last);
     let mut of_column = above.filter(|c| c.parse::<f64>().is_ok_and(f64::is_finite)).map(decimals);
     match of_column.next() {

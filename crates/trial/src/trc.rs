@@ -1,14 +1,17 @@
 //! Reads TRC text (markers) into the marker part of a [`Trial`], still in source axes. Empty cells
-//! and `NaN` are missing.
+//! and words for a missing value ([`crate::missing`]) are missing.
 //!
 //! The stated counts, the frame numbers and the times are checked against the rows present
 //! ([`crate::rows`]): missing rows become missing frames, and a truncated, shifted or unordered
-//! table is reported with its line.
+//! table is reported with its line. The times count: where the stated rate differs from theirs, or
+//! is not stated, their rate is used, with a warning.
 
+use crate::missing::{is_missing, number};
 use crate::options::disambiguate;
+use crate::people;
 use crate::rows::{Ending, RATES_HZ, Source, Stamp, clock, decimals, ending};
 use crate::{ImportOptions, Markers, Trial, TrialError, Warning, WarningKind};
-use aloft_c3d::{metres_per, strip_subject};
+use aloft_c3d::metres_per;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
@@ -30,15 +33,18 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     if !first.trim_start_matches('\u{feff}').trim_start().starts_with("PathFileType") {
         return Err(broken(0, first, "the word `PathFileType`"));
     }
-    let keys: Vec<&str> = lines.get(1).map(|l| l.split('\t').map(str::trim).collect()).unwrap_or_default();
-    let values: Vec<&str> = lines.get(2).map(|l| l.split('\t').map(str::trim).collect()).unwrap_or_default();
-    // spreadsheets put quotation marks around words
-    let header: BTreeMap<&str, &str> = keys.iter().map(|k| bare(k)).zip(values.into_iter().map(bare)).collect();
-    let rate_hz = match header.get("DataRate").map(|v| v.parse::<f64>()) {
-        Some(Ok(rate)) if RATES_HZ.contains(&rate) => rate,
-        _ => {
-            let found = header.get("DataRate").unwrap_or(&"nothing");
-            return Err(broken(2, found, "a rate between 0.001 and 1000000 Hz under `DataRate`"));
+    let header = header(&lines, &mut trial.warnings);
+    // the times count: without a rate they alone tell it
+    let rate = ["DataRate", "CameraRate", "OrigDataRate"].iter().find_map(|k| Some((k, *header.get(k)?)));
+    let stated_hz = match rate.map(|(key, v)| (key, v, v.parse::<f64>())) {
+        Some((_, _, Ok(rate))) if RATES_HZ.contains(&rate) => Some(rate),
+        Some((key, found, Err(_))) if !is_missing(found) => {
+            return Err(broken(2, found, &format!("a rate between 0.001 and 1000000 Hz under `{key}`")));
+        }
+        found => {
+            let what = found.map_or("no `DataRate`".to_owned(), |(key, v, _)| format!("`{v}` under `{key}`"));
+            trial.warn(WarningKind::Clock, format!("TRC line 3 states {what}: the rate is that of the times"));
+            None
         }
     };
     let count = |key: &str| -> Result<Option<usize>, TrialError> {
@@ -59,7 +65,7 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     if !cells.next().unwrap_or("").starts_with("Frame") {
         return Err(broken(3, label_line, "`Frame#`, `Time` and the labels"));
     }
-    let mut labels: Vec<String> = cells.skip(1).filter(|c| !c.is_empty()).map(str::to_owned).collect();
+    let labels: Vec<String> = cells.skip(1).filter(|c| !c.is_empty()).map(str::to_owned).collect();
     if labels.is_empty() {
         return Err(TrialError::NoMarkers { trial: name, found: "no label on TRC line 4".to_owned() });
     }
@@ -76,12 +82,8 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     if axes.split('\t').next().is_some_and(|c| c.trim().parse::<f64>().is_ok()) {
         return Err(broken(4, axes, "the line `X1 Y1 Z1 …` before the first frame"));
     }
-    if options.strip_prefix {
-        for label in &mut labels {
-            *label = strip_subject(label).to_owned();
-        }
-    }
-    disambiguate(&mut labels, &mut trial.warnings);
+    let chosen = people::choose(&labels, options.strip_prefix, &options.people, &[]);
+    chosen.tell(trial);
 
     let mut warnings: Vec<Warning> = Vec::new();
     let n_markers = labels.len();
@@ -142,7 +144,7 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
         );
         warnings.push(Warning::new(WarningKind::Rows, message));
     }
-    let clock = clock(of, &stamps, Some(rate_hz), &mut warnings)?;
+    let clock = clock(of, &stamps, stated_hz, &mut warnings)?;
     let last_line = stamps.last().map_or(5, |s| s.line);
     match stated_frames {
         None => {
@@ -171,13 +173,33 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
             track[*place] = *point;
         }
     }
+    let mut kept = chosen.labels.iter();
+    tracks.retain(|_| kept.next().is_some_and(Option::is_some));
+    let mut labels: Vec<String> = chosen.labels.into_iter().flatten().collect();
+    disambiguate(&mut labels, &mut warnings);
     if options.zero_is_missing {
         zeros_to_missing(&mut tracks);
     }
     let first_frame = stamps.first().and_then(|s| u32::try_from(s.number?).ok()).unwrap_or(1);
     trial.warnings.append(&mut warnings);
     trial.markers = Markers { rate_hz: clock.rate_hz, first_frame, n_frames: clock.n, labels, trajectories: tracks };
-    Ok(stamps.first().map_or(0.0, |s| s.time_s))
+    Ok(clock.start_s)
+}
+
+/// The words of line 2 with the values of line 3. Some files separate the values by several tabs:
+/// where a key would have none, they are taken in their order.
+fn header<'t>(lines: &[&'t str], warnings: &mut Vec<Warning>) -> BTreeMap<&'t str, &'t str> {
+    let cells = |i: usize| lines.get(i).map(|l| l.split('\t').map(bare).collect::<Vec<_>>()).unwrap_or_default();
+    let (keys, mut values) = (cells(1), cells(2));
+    let named = keys.iter().filter(|k| !k.is_empty()).count();
+    let filled = values.iter().filter(|v| !v.is_empty()).count();
+    let apart = keys.iter().enumerate().any(|(i, k)| k.is_empty() != values.get(i).is_none_or(|v| v.is_empty()));
+    if apart && named == filled && keys[..named].iter().all(|k| !k.is_empty()) {
+        values.retain(|v| !v.is_empty());
+        let message = "TRC line 3: values are not below their names in line 2; they are taken in their order";
+        warnings.push(Warning::new(WarningKind::Contradiction, message));
+    }
+    keys.into_iter().zip(values).collect()
 }
 
 /// A word of the header without blanks and quotation marks around it.
@@ -210,7 +232,7 @@ fn read_row(
     let cells: Vec<&str> = line.split('\t').map(str::trim).collect();
     let width = 2 + 3 * labels.len();
     let cell = |i: usize| cells.get(i).copied().unwrap_or("");
-    let number = match cell(0).parse::<f64>() {
+    let frame = match cell(0).parse::<f64>() {
         Ok(number) if number.fract() == 0.0 && number.abs() < 1e12 => number as i64,
         _ => return Err(broken(index, cell(0), "a frame number")),
     };
@@ -236,10 +258,9 @@ fn read_row(
             return Err(broken(index, &found, "all three, or empty cells for a marker that was not seen"));
         }
         for (axis, text) in own.iter().enumerate().filter(|(_, c)| !c.is_empty()) {
-            match text.parse::<f64>() {
-                Ok(value) if value.is_finite() => point[axis] = value * metres,
-                Ok(_) => {}
-                Err(_) => return Err(broken(index, text, "a number or an empty cell")),
+            match number(text) {
+                Some(value) => point[axis] = value * metres,
+                None => return Err(broken(index, text, "a number or an empty cell")),
             }
         }
         if point.iter().any(|x| x.is_nan()) {
@@ -247,7 +268,7 @@ fn read_row(
         }
         points.push(point);
     }
-    let stamp = Stamp { line: index + 1, time_s, decimals: decimals(cell(1)), number: Some(number) };
+    let stamp = Stamp { line: index + 1, time_s, decimals: decimals(cell(1)), number: Some(frame) };
     Ok(Row { stamp, points, cells: held })
 }
 

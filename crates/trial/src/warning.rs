@@ -28,6 +28,8 @@ pub enum WarningKind {
     Missing,
     /// Labels: repeated, truncated, unlabelled, of several subjects, or matched loosely.
     Labels,
+    /// The recording holds markers of several people; the message names the one who is used.
+    People,
     /// Parameter section of a C3D file: malformed records that were skipped or repaired.
     Parameters,
     /// Events outside the recording, or without a usable time.
@@ -38,6 +40,9 @@ pub enum WarningKind {
     Analogs,
     /// Rows of a text file that are missing or incomplete.
     Rows,
+    /// Times that do not fit a stated rate, are in another unit, or differ between the files of a
+    /// recording; the message gives the numbers and what is used.
+    Clock,
     /// The vertical axis, or vectors that are not in laboratory axes.
     Axes,
     /// The unit of length is doubtful.

@@ -25,6 +25,10 @@ struct TrialHead {
     recorded: Option<RecordedAt>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     person: Option<String>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    people: Vec<String>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    unused_columns: Vec<String>,
     start_s: f64,
     warnings: Vec<String>,
     /// Subject of each of the `warnings`.
@@ -83,6 +87,8 @@ pub fn save_trial(dir: &Path, trial: &Trial) -> Result<(), PipelineError> {
         world_from_source: trial.world_from_source,
         recorded: trial.recorded.clone(),
         person: trial.person.clone(),
+        people: trial.people.clone(),
+        unused_columns: trial.unused_columns.clone(),
         start_s: trial.start_s,
         warnings: trial.warnings.iter().map(|w| w.message.clone()).collect(),
         warning_kinds: trial.warnings.iter().map(|w| w.kind).collect(),
@@ -191,6 +197,8 @@ fn load(head: TrialHead, dir: &Path, points: bool) -> Result<Trial, PipelineErro
         world_from_source: head.world_from_source,
         recorded: head.recorded,
         person: head.person,
+        people: head.people,
+        unused_columns: head.unused_columns,
         start_s: head.start_s,
         warnings: head
             .warnings

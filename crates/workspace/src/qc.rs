@@ -66,6 +66,7 @@ reasons! {
     UnreadableFile, "unreadable_file", Failed, "The file is damaged, empty or not a recording.", "Export or copy it again; `aloft inspect FILE` says where reading stopped.";
     MissingJoint, "missing_joint", Failed, "The robot's log has no column for a joint of the model.", "Name the column after the joint, or fix the joint in the model file.";
     CopiedRecording, "copied_recording", Failed, "The file has the same content as another recording of the session; the same data must not count twice.", "Delete the copy, or exclude it under `trials: {exclude: …}`.";
+    SeveralPeople, "several_people", Failed, "The recording holds markers of several people, none of whom has the subject's name.", "Name the person to use: `import: {person: …}`.";
     NoMarkers, "no_markers", Failed, "No marker of the set is in the recording.", "Choose another `marker_set`, or map labels under `import: {aliases}`.";
     TruncatedFile, "truncated_file", Failed, "File truncated: fewer than half of the declared frames are present.", "Copy it again, or set `import: {least_fraction: …}` to use what is there.";
     EmptyTrial, "empty_trial", Failed, "No marker is visible in any frame.", "Exclude the trial, or export it again.";
@@ -85,6 +86,8 @@ reasons! {
     ShortTrial, "short_trial", Warning, "The recording is very short.", "Check that it was exported whole.";
     PlateSaturated, "plate_saturated", Warning, "A force plate is saturated.", "Raise the amplifier's range.";
     PlateIncomplete, "plate_incomplete", Warning, "A force plate lacks samples.", "Export the recording again.";
+    ColumnsNotUsed, "columns_not_used", Warning, "Columns of the force file belong to no plate and are not used.", "Assign them to plates under `import: {forces: …}`, unless they are no forces.";
+    ClocksDiffer, "clocks_differ", Warning, "Times do not fit the stated rate, are in another unit, or differ between markers and forces.", "Compare the numbers that `aloft explain` gives; `import: {force_times: from_first_frame}` where both files start together.";
     ScalingErrorLarge, "scaling_error_large", Warning, "Markers of the static trial deviate from their rigid segments by more than 10 mm (RMS).", "Look for labels on wrong markers in the static trial.";
     IkErrorLarge, "ik_error_large", Warning, "Marker error exceeds its limit of 20 mm (RMS).", "Look at labels and at the static trial.";
     UnsolvedFrames, "unsolved_frames", Warning, "Some frames could not be solved.", "Fill gaps of the root segment's markers.";
@@ -112,6 +115,7 @@ impl From<&aloft_trial::QualityReason> for QcReason {
             Q::NoPlates | Q::PlateSilent { .. } => Self::Remarks,
             Q::PlateSaturated { .. } => Self::PlateSaturated,
             Q::PlateIncomplete { .. } => Self::PlateIncomplete,
+            Q::ColumnsNotUsed { .. } => Self::ColumnsNotUsed,
         }
     }
 }

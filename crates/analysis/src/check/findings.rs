@@ -145,6 +145,13 @@ fn text(remarks: &[&Remark]) -> String {
                     format!("plates at their extreme value: {}", few(&plates))
                 }
                 QualityReason::PlateIncomplete { .. } => format!("plates that lack samples: {}", few(&plates)),
+                QualityReason::ColumnsNotUsed { .. } => {
+                    let columns = once(remarks.iter().flat_map(|r| match r {
+                        Remark::Quality(QualityReason::ColumnsNotUsed { columns }) => columns.clone(),
+                        _ => Vec::new(),
+                    }));
+                    QualityReason::ColumnsNotUsed { columns }.to_string()
+                }
                 other => other.to_string(),
             }
         }

@@ -1,13 +1,16 @@
 //! Reads the recordings of a folder, and what each of them states.
 
 use super::facts::StatedFacts;
-use aloft_pipeline::recording::read_file;
+use aloft_pipeline::recording::{abridged, read_file};
+use aloft_study::facts::stated_name;
 use aloft_study::quote;
 use aloft_study::recordings::{bids_beside, is_bids, stem_of};
 use aloft_trial::{ImportOptions, Trial};
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::qc::QcReason;
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 /// Number of recordings to read; the others are assumed to be alike.
@@ -26,9 +29,90 @@ pub(super) struct Determination {
     pub stated: StatedFacts,
 }
 
+/// A recording that cannot be read.
+#[derive(Debug)]
+pub(super) struct Unread {
+    pub relative: String,
+    pub failure: StageFailure,
+    /// Everybody whose markers it holds, if it is of several people and none was chosen.
+    pub people: Vec<String>,
+}
+
+/// Everybody whose markers a file holds, if these are several people; nobody for a file that cannot
+/// be read.
+fn people_in(file: &Path) -> Vec<String> {
+    let (name, options) = ("", ImportOptions::default());
+    let Ok(bytes) = std::fs::read(file) else { return Vec::new() };
+    let trial = match file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) {
+        true => Trial::contents_of_trc_mot(name, &String::from_utf8_lossy(&bytes), None, &options).ok(),
+        false => aloft_c3d::C3dFile::from_bytes(&bytes)
+            .ok()
+            .and_then(|c3d| Trial::contents_of_c3d(name, &c3d, &options).ok()),
+    };
+    trial.map(|t| t.people).unwrap_or_default()
+}
+
+/// Names by which the person may be called.
+fn names(folder: &Path, wanted: Option<&str>) -> Vec<String> {
+    if let Some(wanted) = wanted {
+        return vec![wanted.to_owned()];
+    }
+    let own = folder.canonicalize().ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
+    stated_name(folder).into_iter().chain(own).collect()
+}
+
+/// Refuses a folder whose recordings hold several people, none of whom is chosen.
+pub(super) fn one_person(
+    folder: &Path,
+    unread: &[Unread],
+    all: usize,
+    wanted: Option<&str>,
+) -> Result<(), PipelineError> {
+    let several: Vec<&Unread> = unread.iter().filter(|u| !u.people.is_empty()).collect();
+    let people: BTreeSet<&String> = several.iter().flat_map(|u| &u.people).collect();
+    let Some(first) = people.first() else { return Ok(()) };
+    let listed = abridged(&people.iter().map(|p| (*p).clone()).collect::<Vec<_>>());
+    let whom = wanted.map_or_else(|| "the subject is none of them".to_owned(), |w| format!("`{w}` is none of them"));
+    let one = quote::line(quote::option("subject", first));
+    Err(PipelineError::request_hint(
+        format!(
+            "{}: {} of {all} recordings hold markers of several people ({listed}), and {whom}",
+            folder.display(),
+            several.len()
+        ),
+        format!(
+            "for one of them: `aloft init {} {one}`; or give that `name` in subject.yaml beside the recordings",
+            quote::path(folder)
+        ),
+    ))
+}
+
+/// What to say on screen about recordings that cannot be read, of `all` that were tried; none where
+/// there are none.
+pub(super) fn unread_words(unread: &[Unread], all: usize) -> Option<String> {
+    let first = unread.first()?;
+    let (of, verb) = match unread.len() {
+        1 => (format!("1 of {all} recordings"), "is"),
+        n => (format!("{n} of {all} recordings"), "are"),
+    };
+    let names: Vec<String> = unread.iter().map(|u| quote::visible(&u.relative)).collect();
+    let reason = quote::visible(&first.failure.problem);
+    Some(match names.as_slice() {
+        [_] => format!("{of} cannot be read and {verb} not used: {reason}"),
+        many => format!("{of} cannot be read and {verb} not used: {}; the first: {reason}", abridged(many)),
+    })
+}
+
 /// Reads recordings of a folder: all of one subject, the first of each kind for several subjects.
-/// Also returns what is wrong with those that cannot be read.
-pub(super) fn look(folder: &Path, subjects: &[String], files: &[PathBuf]) -> (Vec<Determination>, Vec<String>) {
+/// Also returns those that cannot be read.
+/// `wanted` is the person to look for where a recording holds several people; if absent, their name
+/// is sought in the folder's facts and in its own name.
+pub(super) fn look(
+    folder: &Path,
+    subjects: &[String],
+    files: &[PathBuf],
+    wanted: Option<&str>,
+) -> (Vec<Determination>, Vec<Unread>) {
     // of many subjects, read the first recordings of each kind and subject
     let share = if subjects.is_empty() { usize::MAX } else { LOOKED_AT.div_ceil(subjects.len()).max(12) };
     let mut taken: BTreeMap<String, usize> = BTreeMap::new();
@@ -43,15 +127,31 @@ pub(super) fn look(folder: &Path, subjects: &[String], files: &[PathBuf]) -> (Ve
             chosen.push(file);
         }
     }
-    let looked: Vec<Result<Determination, String>> = chosen
+    let looked: Vec<Result<Determination, Unread>> = chosen
         .par_iter()
         .map(|relative| {
             let path = folder.join(relative);
             let stem = stem_of(&path);
-            let trial = read_file(&stem, &path, None, &ImportOptions::default()).map_err(|f| f.problem)?;
             let parts: Vec<_> = relative.components().map(|c| c.as_os_str().to_string_lossy()).collect();
-            let stated = StatedFacts::of(&path);
-            Ok(Determination { relative: parts.join("/"), stem, unit: stated_unit(&path), stated, trial })
+            let relative = parts.join("/");
+            let own = match subjects.iter().find(|s| parts.first().is_some_and(|first| first == *s)) {
+                Some(subject) => folder.join(subject),
+                None => folder.to_path_buf(),
+            };
+            let options = ImportOptions { people: names(&own, wanted), ..ImportOptions::default() };
+            let trial = match read_file(&stem, &path, None, &options) {
+                Ok(trial) => trial,
+                Err(failure) => {
+                    let several = failure.reason == Some(QcReason::SeveralPeople);
+                    let people = if several { people_in(&path) } else { Vec::new() };
+                    return Err(Unread { relative, failure, people });
+                }
+            };
+            let mut stated = StatedFacts::of(&path);
+            if stated.subject.is_none() {
+                stated.subject.clone_from(&trial.person);
+            }
+            Ok(Determination { relative, stem, unit: stated_unit(&path), stated, trial })
         })
         .collect();
     let mut seen = Vec::new();
@@ -59,7 +159,7 @@ pub(super) fn look(folder: &Path, subjects: &[String], files: &[PathBuf]) -> (Ve
     for one in looked {
         match one {
             Ok(s) => seen.push(s),
-            Err(problem) => broken.push(problem),
+            Err(unread) => broken.push(unread),
         }
     }
     (seen, broken)

@@ -8,7 +8,7 @@ use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::{ArtefactOptions, Corrections, GapOptions, MarkerSet, QualityOptions, Severity, Trial, TrialQuality};
 use aloft_trial::{
-    MarkerSetMatch, QualityReason, apply_marker_set, assess, fill_gaps, find_artefacts, limits_to_missing,
+    MarkerSetMatch, QualityReason, WarningKind, apply_marker_set, assess, fill_gaps, find_artefacts, limits_to_missing,
 };
 use aloft_workspace::artifact::save_trial;
 use aloft_workspace::error::StageFailure;
@@ -34,6 +34,7 @@ pub static STAGE: Stage = Stage {
 #[derive(Debug, Serialize)]
 pub struct Params {
     import: ImportConfig,
+    people: Vec<String>,
     marker_set: MarkerSet,
     #[serde(skip_serializing_if = "Corrections::is_empty")]
     corrections: Corrections,
@@ -50,6 +51,7 @@ impl StageWork for Work {
     fn params(session: &SubjectSession, trial: Option<&TrialEntry>) -> Params {
         Params {
             import: session.import_of(trial).clone(),
+            people: session.names_of_person(trial),
             marker_set: session.marker_set.clone(),
             corrections: session.config.corrections.of_recordings(),
             robot: session.robot.clone(),
@@ -80,12 +82,12 @@ pub struct ImportRecord {
 }
 
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
-    let Params { import, marker_set, corrections, robot } = params;
+    let Params { import, people, marker_set, corrections, robot } = params;
     if let Some(robot) = robot {
         return super::robot::import(robot, import, corrections, inputs);
     }
     let recording = inputs.recording()?;
-    let mut trial = read_recording(import, recording)?;
+    let mut trial = read_recording(import, people, recording)?;
     let held = trial.truncated();
     holds_enough(import, recording, &trial)?;
     // as measured: a correction of one recording must not hide that another one has the same forces
@@ -131,6 +133,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     if let Some(person) = &trial.person {
         done.note("person", person.as_str());
     }
+    if !trial.people.is_empty() {
+        done.note("people", json!(trial.people));
+    }
     if let Some(found) = aloft_trial::smoothing(&trial, marker_set.markerless.is_some()) {
         done.note("smoothed_hz", (10.0 * found.cutoff_hz).round() / 10.0);
         done.warnings.push(smoothed(&found));
@@ -142,6 +147,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(QcReason::from).collect();
     reasons.extend(held.map(|_| QcReason::FramesLost));
     reasons.extend(trial.forces_truncated().map(|_| QcReason::PlateIncomplete));
+    reasons.extend(trial.warnings.iter().find(|w| w.kind == WarningKind::Clock).map(|_| QcReason::ClocksDiffer));
     reasons.sort();
     reasons.dedup();
     done.note("qc", json!(reasons));

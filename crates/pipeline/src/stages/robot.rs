@@ -159,7 +159,7 @@ fn from_markers(
     start_s: f64,
 ) -> Result<BaseFromMarkers, StageFailure> {
     let beside = Recording { file: file.to_owned(), forces: None, ..recording.clone() };
-    let mut trial = read_recording(import, &beside)?;
+    let mut trial = read_recording(import, &[], &beside)?;
     corrections.apply(&mut trial);
     let shown = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let markers = MarkerRecording {
@@ -298,6 +298,8 @@ pub fn import(
             world_from_source: Rotation3::identity(),
             recorded: None,
             person: None,
+            people: Vec::new(),
+            unused_columns: Vec::new(),
             start_s: log.time_s[0],
             warnings: Vec::new(),
         },

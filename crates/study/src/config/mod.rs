@@ -12,9 +12,9 @@ mod trials;
 
 pub use overrides::{Override, Sections};
 pub use sections::{
-    Angles, CalibrateConfig, CompareConfig, Correction, CorrectionsConfig, Estimator, ExportConfig, FilterConfig,
-    FlightConfig, FlightSource, IdentifyConfig, IkConfig, ImportConfig, InertiaLimit, RegressorConfig, RobotConfig,
-    Rows, ScaleConfig, Switch, Vertical, Weighting,
+    Angles, CalibrateConfig, ColumnNames, CompareConfig, Correction, CorrectionsConfig, Estimator, ExportConfig,
+    FilterConfig, FlightConfig, FlightSource, ForceTimes, IdentifyConfig, IkConfig, ImportConfig, InertiaLimit,
+    PlateColumnsConfig, RegressorConfig, RobotConfig, Rows, ScaleConfig, Switch, Vertical, Weighting,
 };
 pub use subjects::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, SubjectConfig, SubjectExclusion, SubjectsConfig};
 pub use trials::{Exclusion, StaticFrames, TrialsConfig};

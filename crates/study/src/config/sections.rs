@@ -1,6 +1,7 @@
 //! The settings of the stages: one section each, with ranges and defaults.
 
 use super::MASS_KG;
+use aloft_trial::{ImportOptions, PlateNames, UpAxis};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -119,6 +120,41 @@ impl CorrectionsConfig {
     }
 }
 
+/// Names of three columns of a force file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum ColumnNames {
+    /// What stands before `x`, `y` and `z` in their names: `ground_force1_v`.
+    Before(String),
+    /// The names for x, y and z; `null` for a component that is zero.
+    Each([Option<String>; 3]),
+}
+
+/// Columns of a force file that belong to one plate.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlateColumnsConfig {
+    /// Force on the subject, N.
+    pub force: ColumnNames,
+    /// Point of application, m; the origin if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point: Option<ColumnNames>,
+    /// Moment about that point, N·m; none if absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moment: Option<ColumnNames>,
+}
+
+/// What the times of a force file count.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ForceTimes {
+    /// The same clock as the times of the markers.
+    #[default]
+    AsStated,
+    /// A clock of their own: the first row belongs to the first frame.
+    FromFirstFrame,
+}
+
 section! {
 /// Reading of recordings.
 ImportConfig {
@@ -142,7 +178,57 @@ ImportConfig {
     least_fraction: f64 = 0.5,
     /// Repair spikes and label swaps (they are reported in any case).
     repair: bool = false,
+    /// Person whose markers are used where a recording holds several people: the name before the
+    /// labels (`Anna:LASI`) or in SUBJECTS of a C3D file. If absent, the subject's name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    person: Option<String> = None,
+    /// Plates and the columns of each in the force files beside TRC files, where the names of the
+    /// columns do not tell: `{FP1: {force: ground_force1_v, point: ground_force1_p, moment:
+    /// ground_torque1_}}`. Columns that are not named here are not used.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    forces: BTreeMap<String, PlateColumnsConfig> = BTreeMap::new(),
+    /// What the times of force files count: `as_stated` (the same clock as those of the markers) or
+    /// `from_first_frame` (a clock of their own; both files start together).
+    #[serde(skip_serializing_if = "is_as_stated")]
+    force_times: ForceTimes = ForceTimes::AsStated,
 }}
+
+/// The default is left out of stored parameters.
+fn is_as_stated(times: &ForceTimes) -> bool {
+    *times == ForceTimes::AsStated
+}
+
+impl ImportConfig {
+    /// The part that the readers of recordings take.
+    pub fn options(&self) -> ImportOptions {
+        let names = |n: &ColumnNames| match n {
+            ColumnNames::Before(before) => aloft_trial::ColumnNames::Before(before.clone()),
+            ColumnNames::Each(names) => aloft_trial::ColumnNames::Each(names.clone()),
+        };
+        let plate = |p: &PlateColumnsConfig| PlateNames {
+            force: names(&p.force),
+            point: p.point.as_ref().map(names),
+            moment: p.moment.as_ref().map(names),
+        };
+        ImportOptions {
+            up_axis: match self.up_axis {
+                Vertical::Auto => None,
+                Vertical::X => Some(UpAxis::X),
+                Vertical::Y => Some(UpAxis::Y),
+                Vertical::Z => Some(UpAxis::Z),
+            },
+            strip_prefix: self.strip_prefix,
+            point_unit: self.point_unit.clone(),
+            people: self.person.iter().cloned().collect(),
+            forces: self.forces.iter().map(|(name, p)| (name.clone(), plate(p))).collect(),
+            force_times: match self.force_times {
+                ForceTimes::AsStated => aloft_trial::ForceTimes::AsStated,
+                ForceTimes::FromFirstFrame => aloft_trial::ForceTimes::FromFirstFrame,
+            },
+            ..ImportOptions::default()
+        }
+    }
+}
 
 section! {
 /// Static trial to subject.
