@@ -8,6 +8,7 @@
 mod book;
 mod generate;
 mod json_contract;
+mod promises;
 mod source;
 mod transcript;
 

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// Every file of the results; manifests without the time that the work took.
-fn results(ws: &Path) -> BTreeMap<String, Vec<u8>> {
+pub fn results(ws: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     let mut open = vec![ws.to_path_buf()];
     while let Some(folder) = open.pop() {

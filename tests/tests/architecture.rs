@@ -278,3 +278,38 @@ fn comments_have_at_most_100_columns() {
     }
     assert!(comments > 10_000, "{comments} comments");
 }
+
+/// Changes on disk go through `aloft_workspace::disk`, so that tests can make each of them fail.
+#[test]
+fn only_the_workspace_crate_changes_files() {
+    const CHANGES: [&str; 14] = [
+        "fs::write(",
+        "fs::rename(",
+        "fs::create_dir",
+        "fs::remove_",
+        "fs::copy(",
+        "fs::hard_link(",
+        "fs::set_permissions(",
+        "File::create",
+        "File::options",
+        "OpenOptions",
+        "DirBuilder",
+        "tempdir_in(",
+        "from_path(",
+        "tempfile::Builder",
+    ];
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");
+    let mut read = 0;
+    for name in ORDER.iter().filter(|n| **n != "workspace") {
+        for (file, text) in sources(&root.join(name).join("src")) {
+            // tests in a file stand at its end
+            let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+            read += 1;
+            for (i, line) in code.lines().enumerate().filter(|(_, l)| !l.trim_start().starts_with("//")) {
+                let found = CHANGES.iter().find(|c| line.contains(**c));
+                assert!(found.is_none(), "{file}:{}: `{}` outside the crate workspace", i + 1, found.unwrap_or(&""));
+            }
+        }
+    }
+    assert!(read > 300, "{read} files");
+}

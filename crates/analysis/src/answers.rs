@@ -55,7 +55,7 @@ pub(crate) fn keep(session: &SubjectSession, answer: &Kept<Discovery>) -> Result
     all.sort();
     let more = all.len().saturating_sub(MOST);
     for (_, path) in all.into_iter().filter(|(_, path)| *path != place).take(more) {
-        std::fs::remove_file(&path).map_err(PipelineError::io("remove", &path))?;
+        disk::remove_file(&path)?;
     }
     Ok(())
 }

@@ -16,5 +16,11 @@ pub fn answered(session: &SubjectSession, options: &DiscoverOptions) -> Option<D
         return None;
     }
     let errors = compare(session).ok()?.errors;
-    Some(DiscoveryView { discovery: kept.answer, errors, errors_after: kept.errors_after })
+    Some(DiscoveryView {
+        discovery: kept.answer,
+        errors,
+        errors_after: kept.errors_after,
+        not_computed: Vec::new(),
+        not_stored: None,
+    })
 }

@@ -13,8 +13,9 @@ use aloft_pipeline::stages::compare::is_of_earlier_method;
 use aloft_pipeline::stages::identify::NOTHING_IDENTIFIED;
 use aloft_study::commands::command;
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::disk::is_there;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::{read_json, read_json_if_there};
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
@@ -235,9 +236,12 @@ pub fn nothing_identified(ws: &Workspace) -> String {
 }
 
 /// What the comparison cannot say, because the model is not the whole body.
-fn limits(ws: &Workspace, comparison: &Comparison) -> Vec<String> {
-    let subject: Option<Subject> = read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json")).ok();
-    let Some(subject) = subject else { return Vec::new() };
+fn limits(ws: &Workspace, comparison: &Comparison) -> Result<Vec<String>, PipelineError> {
+    let path = ws.place("calibrate", WHOLE_STUDY).join("subject.json");
+    Ok(read_json_if_there(&path)?.map(|subject| limits_of(ws, comparison, &subject)).unwrap_or_default())
+}
+
+fn limits_of(ws: &Workspace, comparison: &Comparison, subject: &Subject) -> Vec<String> {
     if let (None, Some(points)) = (subject.model.unseen_parts(), &subject.estimated) {
         return of_estimates(points, smoothed_hz(ws, comparison), comparison);
     }
@@ -285,6 +289,12 @@ fn smoothed_hz(ws: &Workspace, comparison: &Comparison) -> Option<f64> {
 /// Stages whose results the comparison is read from.
 pub const READS: [&str; 5] = ["compare", "identify", "calibrate", "flight", "ik"];
 
+/// The same; none if nothing was compared. A comparison that is there and cannot be read is an error.
+pub fn compare_if_made(session: &SubjectSession) -> Result<Option<ComparisonView>, PipelineError> {
+    let place = Workspace::open(&session.workspace).place("compare", WHOLE_STUDY);
+    if is_there(&place.join("comparison.json"))? { compare(session).map(Some) } else { Ok(None) }
+}
+
 /// Reads the results of the stage `compare`.
 pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError> {
     let session = &aloft_pipeline::made::as_made(session);
@@ -302,7 +312,7 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
     let found = place.join(parameters_file(rows));
     let parameters: Option<Parameters> = if found.is_file() { Some(read_json(&found)?) } else { None };
     let gate_passed = parameters.as_ref().is_some_and(|p| p.gate.passed);
-    let limits = limits(&ws, &comparison);
+    let limits = limits(&ws, &comparison)?;
     let weight = weight_n(session);
     let mut brief = match &parameters {
         Some(p) => ParametersBrief::of(rows.word(), p),
@@ -327,12 +337,12 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
             "the weight of the prior (`identify: {{prior_weight: {stated}}}`) holds the parameters at the tables: remove it, then run again"
         ));
     }
-    let impulse_mass = impulse_mass(session, &ws);
-    let rows_of_trials = kinematics(session, &ws);
+    let rows_of_trials = kinematics(session, &ws)?;
+    let impulse_mass = impulse_mass(session, &ws, &rows_of_trials)?;
     // without the whole body only the labels of the static trial can be judged
     let to_correct = match limits.is_empty() {
-        true => to_correct(session, &ws, &comparison, &rows_of_trials, impulse_mass.as_ref(), weight),
-        false => of_static(&ws),
+        true => to_correct(session, &ws, &comparison, &rows_of_trials, impulse_mass.as_ref(), weight)?,
+        false => of_static(&ws)?,
     };
     let best = best_grades(gate_passed, to_correct.as_ref());
     let against = comparison.against_floor.iter().map(|a| HeldOutError::of(a, &comparison.beside, weight));
@@ -345,7 +355,7 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
         parameters: brief,
         limits,
         kinematics: rows_of_trials,
-        calibration: calibration(&ws),
+        calibration: calibration(&ws)?,
         impulse_mass,
         to_correct,
         comparison,
@@ -376,10 +386,19 @@ fn left_out(session: &SubjectSession, ws: &Workspace, comparison: &Comparison) -
 }
 
 /// The calibration report, and whether the calibrated geometry is used.
-pub fn calibration(ws: &Workspace) -> Option<CalibrationView> {
-    let report: CalibrationReport = read_json(&ws.place("calibrate", WHOLE_STUDY).join("report.json")).ok()?;
-    let used = ws.manifest("calibrate", WHOLE_STUDY)?.summary.get("used")?.as_bool()?;
-    Some(CalibrationView { used, held_out_rms_m: [report.held_out_rms_before_m, report.held_out_rms_after_m], report })
+///
+/// # Errors
+/// The report exists and cannot be read.
+pub fn calibration(ws: &Workspace) -> Result<Option<CalibrationView>, PipelineError> {
+    let manifest = ws.manifest("calibrate", WHOLE_STUDY);
+    let used = manifest.and_then(|m| m.summary.get("used").and_then(serde_json::Value::as_bool));
+    let path = ws.place("calibrate", WHOLE_STUDY).join("report.json");
+    let report: Option<CalibrationReport> = if used.is_some() { read_json_if_there(&path)? } else { None };
+    Ok(used.zip(report).map(|(used, report)| CalibrationView {
+        used,
+        held_out_rms_m: [report.held_out_rms_before_m, report.held_out_rms_after_m],
+        report,
+    }))
 }
 
 /// Held-out motion on which an error is judged.

@@ -4,7 +4,7 @@
 //! Nothing is corrected unless the user writes it into the pipeline. A run with other corrections
 //! than the last revision has is a revision of its own: the effects stay, the measurements change.
 
-use crate::compare::compare;
+use crate::compare::compare_if_made;
 use crate::explanations::key_may_change;
 use crate::history::{made_for, reached};
 use crate::session_check::{LineStatus, SessionCheck, SessionLine};
@@ -202,7 +202,7 @@ pub fn keep_reached(session: &SubjectSession) -> Result<(), PipelineError> {
     if session.config.corrections == last.corrections || made != last.corrections || !made_for(&ws, &last.effects) {
         return Ok(());
     }
-    let Ok(view) = compare(session) else { return Ok(()) };
+    let Some(view) = compare_if_made(session)? else { return Ok(()) };
     last.reached = Some(reached(session, &view)?);
     all.save(&session.workspace)
 }

@@ -2,11 +2,11 @@
 //! the workspace, and tests how well this works on these recordings.
 
 use crate::answers;
-use crate::compare::compare;
+use crate::compare::compare_if_made;
 use crate::drawn_errors::{contact_rows, drawn};
 use crate::held_out::HeldOutError;
 use crate::joint_laws::joint_laws;
-use crate::promise::promised;
+use crate::promise::{Promised, promised};
 use crate::question::question;
 use crate::repeated::refuse_repeated;
 use crate::results::with_results;
@@ -31,12 +31,13 @@ use aloft_study::effects::asks_session_time;
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::{from_value, read_json, read_json_if_there};
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::seal;
 use aloft_workspace::workspace::Workspace;
 use nalgebra::Vector3;
 use rayon::prelude::*;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::sync::{Mutex, PoisonError};
 
@@ -52,6 +53,7 @@ pub struct Volume {
 
 /// An answer stored in the workspace, with a hash of the results that it was computed from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "serde_json::Value", bound(deserialize = "T: DeserializeOwned"))]
 pub struct Kept<T> {
     /// Hash of the results that the answer was computed from ([`looked_at`]).
     pub made_from: String,
@@ -66,6 +68,25 @@ pub struct Kept<T> {
     /// The answer.
     #[serde(flatten)]
     pub answer: T,
+}
+
+/// A stored answer is read in two steps, its own part and the answer: in one step, a number of the
+/// answer that is not defined could not be read.
+impl<T: DeserializeOwned> TryFrom<serde_json::Value> for Kept<T> {
+    type Error = serde_json::Error;
+
+    fn try_from(stored: serde_json::Value) -> Result<Self, serde_json::Error> {
+        #[derive(Deserialize)]
+        struct Own {
+            made_from: String,
+            #[serde(default)]
+            errors_after: Vec<HeldOutError>,
+            #[serde(default)]
+            question: Option<String>,
+        }
+        let Own { made_from, errors_after, question } = from_value(stored.clone())?;
+        Ok(Self { made_from, errors_after, question, answer: from_value(stored)? })
+    }
 }
 
 /// Hash of the results that a ranking reads: those from which the weak rows of every trial are
@@ -195,16 +216,17 @@ impl Evidence {
         let scene = scene_of(&body, &trials);
         let prepared =
             Session::new(&body, &scene, &trials, &self.weak).map_err(|e| PipelineError::request(e.to_string()))?;
-        let zeros = unknown_zeros(session);
+        let comparison = compared(session)?;
+        let standing = |place: &str| comparison.as_ref().and_then(|c| standing(c, place));
+        let zeros = comparison.as_ref().map(unknown_zeros).unwrap_or_default();
         let prepared = prepared.with_unknown_zeros(&zeros.iter().map(String::as_str).collect::<Vec<_>>());
         let known = KnownEffects::of(&session.own_effects, &scene)?;
         let accepted = session.effects.iter().map(|e| known.choice(&scene, e)).collect::<Result<Vec<_>, _>>()?;
         // laws of joints exert nothing on the body as a whole
         let accepted = accepted.into_iter().filter(|c| !c.effect.acts().in_joints()).collect();
-        let prepared =
-            prepared.with_model_error(standing(session, "flight"), standing(session, "contact")).with_progress(tell);
-        let draws = drawn(session);
-        let contact = match standing(session, "contact") {
+        let prepared = prepared.with_model_error(standing("flight"), standing("contact")).with_progress(tell);
+        let draws = drawn(session)?;
+        let contact = match standing("contact") {
             Some(e) if e.is_above() => contact_rows(session, &draws)?,
             _ => Vec::new(),
         };
@@ -256,28 +278,29 @@ fn same_plates(rows: &mut [TrialRows]) -> Vec<Vector3<f64>> {
 }
 
 /// True if every recording with plates shows what they read without a load.
-fn zeros_are_known(session: &SubjectSession) -> bool {
+fn zeros_are_known(session: &SubjectSession) -> Result<bool, PipelineError> {
     let ws = Workspace::open(&session.workspace);
-    let dynamic = session.included().filter(|t| t.role.is_dynamic());
-    let tares: Vec<PlateTare> = dynamic
-        .filter_map(|t| read_json::<Vec<PlateTare>>(&ws.place("flight", &t.name).join("tare.json")).ok())
-        .flatten()
-        .collect();
-    !tares.is_empty() && tares.iter().all(|t| t.source != TareSource::None)
+    let mut tares: Vec<PlateTare> = Vec::new();
+    for t in session.included().filter(|t| t.role.is_dynamic()) {
+        let own = read_json_if_there::<Vec<PlateTare>>(&ws.place("flight", &t.name).join("tare.json"))?;
+        tares.extend(own.into_iter().flatten());
+    }
+    Ok(!tares.is_empty() && tares.iter().all(|t| t.source != TareSource::None))
+}
+
+/// The comparison that the stage `compare` stored; none if nothing was compared.
+fn compared(session: &SubjectSession) -> Result<Option<Comparison>, PipelineError> {
+    let folder = Workspace::open(&session.workspace).place("compare", WHOLE_STUDY);
+    read_json_if_there(&folder.join("comparison.json"))
 }
 
 /// Recordings of which the comparison takes a constant of the plates off.
-fn unknown_zeros(session: &SubjectSession) -> Vec<String> {
-    let folder = Workspace::open(&session.workspace).place("compare", WHOLE_STUDY);
-    let Ok(comparison) = read_json::<Comparison>(&folder.join("comparison.json")) else { return Vec::new() };
+fn unknown_zeros(comparison: &Comparison) -> Vec<String> {
     comparison.first.trials.iter().filter(|t| t.untared).map(|t| t.trial.clone()).collect()
 }
 
-/// Held-out error and noise floor that the comparison found in flight or in contact; none without a
-/// comparison.
-fn standing(session: &SubjectSession, place: &str) -> Option<HeldOutResult> {
-    let folder = Workspace::open(&session.workspace).place("compare", WHOLE_STUDY);
-    let comparison = read_json::<Comparison>(&folder.join("comparison.json")).ok()?;
+/// Held-out error and noise floor that the comparison found in flight or in contact.
+fn standing(comparison: &Comparison, place: &str) -> Option<HeldOutResult> {
     let against = comparison.against_floor.iter().find(|a| a.judged_on == place)?;
     let floor = against.floor?;
     Some(HeldOutResult {
@@ -314,6 +337,43 @@ pub struct DiscoveryView {
     /// The same with all effects found added to the model; empty if none was found or if the
     /// results were not up to date.
     pub errors_after: Vec<HeldOutError>,
+    /// Parts of the answer that could not be computed, with the reason: the estimates of the ranking
+    /// stand in their place, and the answer is not stored. Empty for a whole answer.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub not_computed: Vec<String>,
+    /// Why the answer could not be stored; none where it was stored, or where a part is missing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_stored: Option<String>,
+}
+
+impl DiscoveryView {
+    /// True if the answer is complete and stands in the workspace, so that `effect add` finds it.
+    pub fn is_kept(&self) -> bool {
+        self.not_computed.is_empty() && self.not_stored.is_none()
+    }
+}
+
+/// Models that the stages were to compute and could not, each with its reason, once.
+#[derive(Default)]
+struct NotComputed(Mutex<Vec<String>>);
+
+impl NotComputed {
+    /// The model, or none where it cannot be computed; the reason is kept.
+    fn or_named(&self, made: Result<Option<Promised>, PipelineError>, what: &[String]) -> Option<Promised> {
+        made.unwrap_or_else(|e| {
+            let model = format!("the model with {}: ", what.join(" and "));
+            let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+            // the same model is asked for more than once
+            if !all.iter().any(|line| line.starts_with(&model)) {
+                all.push(format!("{model}{e}"));
+            }
+            None
+        })
+    }
+
+    fn into_inner(self) -> Vec<String> {
+        self.0.into_inner().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 /// Ranks the catalogue and the study's own effects against the present model, and stores the answer
@@ -370,19 +430,24 @@ fn found(
     }
     let scene = bench.session.scene();
     let volume = Volume { middle_m: scene.volume_centre_m.into(), reach_m: scene.volume_reach_m };
-    let view = compare(session).ok();
+    let view = compare_if_made(session)?;
     let to_correct = view.as_ref().and_then(|v| v.to_correct.clone());
     let errors = view.map(|v| v.errors).unwrap_or_default();
     let mut options = options.clone();
-    if options.only.is_empty() && zeros_are_known(session) {
+    if options.only.is_empty() && zeros_are_known(session)? {
         let shown = bench.effects.iter().filter(|e| e.about().shows_unloaded).map(|e| e.id().to_owned());
         options.without.extend(shown);
     }
     let last: Mutex<Option<LastComputed>> = Mutex::new(None);
     let id_of = |l: &&FoundLaw| format!("{} {:?} {}", l.id, l.effect.acts, l.sized_with_contact);
     let ids = |laws: &[&FoundLaw]| laws.iter().map(id_of).collect::<Vec<_>>();
+    let not_computed = NotComputed::default();
+    let promise = |found: &[Found], laws: &[&FoundLaw]| {
+        let keys = found.iter().map(|f| f.key.clone()).chain(laws.iter().map(|l| l.id.clone())).collect::<Vec<_>>();
+        not_computed.or_named(promised(session, found, laws, volume), &keys)
+    };
     let by_stages = |found: &[Found], laws: &[&FoundLaw]| {
-        let made = promised(session, found, laws, volume).ok()??;
+        let made = promise(found, laws)?;
         let of = |place| made.errors.iter().find(|e| e.judged_on == place).and_then(standing_of);
         let coefficient =
             |e: &EffectEstimate| StagedCoefficient { name: e.name.clone(), value: e.value, se: (e.se, e.freedom) };
@@ -404,9 +469,7 @@ fn found(
     };
     let errors_after = match done.filter(|(effects, with, _)| *with == ids(&laws) && same(effects)) {
         Some((_, _, errors)) => errors,
-        None => {
-            promised(session, &found.found, &laws, volume).ok().flatten().map(|made| made.errors).unwrap_or_default()
-        }
+        None => promise(&found.found, &laws).map(|made| made.errors).unwrap_or_default(),
     };
     if let Some(c) = found.candidates.iter().find(|c| asks_session_time(&c.effect) && c.believed) {
         let calendar = Calendar::of(session, &Workspace::open(&session.workspace));
@@ -455,7 +518,7 @@ fn found(
         let after = if first.len() == found.found.len() {
             errors_after.clone()
         } else {
-            promised(session, first, &[], volume).ok().flatten().map(|made| made.errors).unwrap_or_default()
+            promise(first, &[]).map(|made| made.errors).unwrap_or_default()
         };
         let of = |all: &[HeldOutError]| all.iter().find(|e| e.judged_on == step.judged_on).map(|e| e.held_out_error);
         step.left_of_error = of(&after).zip(of(&errors)).map(|(a, b)| a / b).filter(|share| share.is_finite());
@@ -468,10 +531,23 @@ fn found(
     let mut answer = kept(session, made_from, found)?;
     answer.question = asked;
     answer.errors_after = errors_after.into_iter().filter(|e| e.held_out_error.is_finite()).collect();
-    seal::write_whole(&session.workspace.join("discovery.json"), &answer)?;
-    answers::keep(session, &answer)?;
-    seal::write_whole(&session.workspace.join("discovery_volume.json"), &volume)?;
-    Ok(DiscoveryView { discovery: answer.answer, errors, errors_after: answer.errors_after })
+    // a part may be missing because of the machine: the next answer may be whole
+    let not_computed = not_computed.into_inner();
+    let not_stored = if not_computed.is_empty() { store(session, &answer, volume).err() } else { None };
+    Ok(DiscoveryView {
+        discovery: answer.answer,
+        errors,
+        errors_after: answer.errors_after,
+        not_computed,
+        not_stored: not_stored.map(|e| e.to_string()),
+    })
+}
+
+/// Stores an answer for `effect add`, `report` and the next time that the same is asked.
+fn store(session: &SubjectSession, answer: &Kept<Discovery>, volume: Volume) -> Result<(), PipelineError> {
+    seal::write_whole(&session.workspace.join("discovery.json"), answer)?;
+    answers::keep(session, answer)?;
+    seal::write_whole(&session.workspace.join("discovery_volume.json"), &volume)
 }
 
 /// An answer that nothing is missing does not stand beside what contradicts it, and what

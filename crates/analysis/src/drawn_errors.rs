@@ -9,16 +9,17 @@ use aloft_pipeline::stages::compare::{
 };
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 /// Draws of the errors that a model with the true parameters leaves; none without a comparison.
-pub(crate) fn drawn(session: &SubjectSession) -> Vec<TrialDraws> {
+pub(crate) fn drawn(session: &SubjectSession) -> Result<Vec<TrialDraws>, PipelineError> {
     let folder = Workspace::open(&session.workspace).place("compare", WHOLE_STUDY);
-    read_json::<StoredFloor>(&folder.join(NOISE_FLOOR_FILE)).map(|s| s.floor.draws).unwrap_or_default()
+    let stored: Option<StoredFloor> = read_json_if_there(&folder.join(NOISE_FLOOR_FILE))?;
+    Ok(stored.map(|s| s.floor.draws).unwrap_or_default())
 }
 
 /// Rows of the base parameters in the windows in contact of trials that have draws there, where

@@ -395,7 +395,7 @@ fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, Pip
     let Some(law) = law.filter(|_| !known) else { return Ok(None) };
     let folder = session.effects_folder();
     let path = folder.join(format!("{key}.yaml"));
-    if path.exists() {
+    if path.symlink_metadata().is_ok() {
         return Err(PipelineError::request_hint(
             format!("{} exists already, and holds another effect", path.display()),
             "move or rename it, then add the law again",
@@ -404,7 +404,7 @@ fn write_law(session: &SubjectSession, key: &str) -> Result<Option<PathBuf>, Pip
     let text = OwnEffect::text_of(&law.effect)?;
     aloft_workspace::disk::create_dir_all(&folder)?;
     let text = format!("# Found by `aloft discover`: {}\n{text}", law.text);
-    aloft_workspace::disk::write_whole(&path, text.as_bytes())?;
+    aloft_workspace::theirs::write_new(&path, text.as_bytes())?;
     Ok(Some(path))
 }
 

@@ -28,7 +28,7 @@ use aloft_regressor::{Factor, Stretch, StretchKind};
 use aloft_study::config::Rows;
 use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -231,9 +231,9 @@ fn is_training(session: &SubjectSession, stretch: &Stretch, contact: bool) -> bo
 }
 
 /// The noise floor found by the stage `compare`.
-fn known_floor(made: &Made<'_>) -> Option<NoiseFloor> {
-    let place = made.results.place("compare", WHOLE_STUDY).ok()?.join("comparison.json");
-    read_json::<Comparison>(&place).ok()?.noise_floor
+fn known_floor(made: &Made<'_>) -> Result<Option<NoiseFloor>, PipelineError> {
+    let Ok(place) = made.results.place("compare", WHOLE_STUDY) else { return Ok(None) };
+    Ok(read_json_if_there::<Comparison>(&place.join("comparison.json"))?.and_then(|c| c.noise_floor))
 }
 
 /// Every estimator from every kind of rows, and the prior, with one geometry.
@@ -287,7 +287,7 @@ fn of_geometry(
     candidates.extend(found.iter().filter_map(|f| f.as_ref().ok().map(|(_, c)| c.clone())));
     // take the noise floor from the pipeline's own comparison, so that it is the same number
     // everywhere
-    let known = if noise { known_floor(made) } else { None };
+    let known = if noise { known_floor(made)? } else { None };
     let floor = known.as_ref().map_or(Floor::Drawn(0, None), Floor::Known);
     let (comparison, _) = compare_models(&compared, subject, trials, &candidates, HeldOut::Validation, None, floor)?;
     let chosen = session.config.regressor.rows;

@@ -1,11 +1,12 @@
 //! Body mass from the impulse of the force plates between two flights, beside the stated mass.
 
-use crate::kinematics::kinematics;
+use crate::kinematics::KinematicsRow;
 use aloft_flight::ImpulseMass;
 use aloft_identify::half95;
 use aloft_signal::mean_and_deviation;
 use aloft_study::subject_session::SubjectSession;
-use aloft_workspace::json::read_json;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 
@@ -49,15 +50,26 @@ const MASS_WRONG: f64 = 0.1;
 /// Deviation from free fall in flight below which nothing carries the body, percent of g.
 const FREE_FALL_PERCENT: f64 = 5.0;
 
-/// Mass from impulse over all trials with plates and at least two flights.
-pub fn impulse_mass(session: &SubjectSession, ws: &Workspace) -> Option<ImpulseMassView> {
-    let mut masses: Vec<f64> = session
-        .included()
-        .filter(|t| t.role.is_dynamic())
-        .filter_map(|t| read_json::<Vec<ImpulseMass>>(&ws.place("flight", &t.name).join("impulse_mass.json")).ok())
-        .flatten()
-        .map(|m| m.mass_kg)
-        .collect();
+/// Mass from impulse over all trials with plates and at least two flights; `rows` are those of
+/// [`crate::kinematics`].
+///
+/// # Errors
+/// A result of the stage `flight` exists and cannot be read.
+pub fn impulse_mass(
+    session: &SubjectSession,
+    ws: &Workspace,
+    rows: &[KinematicsRow],
+) -> Result<Option<ImpulseMassView>, PipelineError> {
+    let mut masses: Vec<f64> = Vec::new();
+    for t in session.included().filter(|t| t.role.is_dynamic()) {
+        let path = ws.place("flight", &t.name).join("impulse_mass.json");
+        let own: Option<Vec<ImpulseMass>> = read_json_if_there(&path)?;
+        masses.extend(own.into_iter().flatten().map(|m| m.mass_kg));
+    }
+    Ok(of_masses(session, masses, rows))
+}
+
+fn of_masses(session: &SubjectSession, mut masses: Vec<f64>, rows: &[KinematicsRow]) -> Option<ImpulseMassView> {
     let (mass_kg, half, contacts) = mass_by_impulse(&masses)?;
     masses.sort_by(f64::total_cmp);
     let (first, last) = (*masses.first()?, *masses.last()?);
@@ -72,8 +84,7 @@ pub fn impulse_mass(session: &SubjectSession, ws: &Workspace) -> Option<ImpulseM
         )
     });
     // what carries the body shows in flight as well; a wrong mass or gain does not
-    let mut falls: Vec<f64> =
-        kinematics(session, ws).iter().filter_map(|k| k.gravity_error_percent).map(f64::abs).collect();
+    let mut falls: Vec<f64> = rows.iter().filter_map(|k| k.gravity_error_percent).map(f64::abs).collect();
     let free = !falls.is_empty() && aloft_signal::median(&mut falls) < FREE_FALL_PERCENT;
     let wrong = (contacts >= 2 && off.abs() > MASS_WRONG && free && session.effects.is_empty()).then(|| {
         format!(

@@ -136,7 +136,7 @@ fn save(target: PathBuf, text: &str, notes: Vec<String>) -> Result<Written, Pipe
     if let Some(parent) = target.parent().filter(|p| !p.as_os_str().is_empty()) {
         aloft_workspace::disk::create_dir_all(parent)?;
     }
-    aloft_workspace::disk::write_whole(&target, text.as_bytes())?;
+    aloft_workspace::theirs::write_new(&target, text.as_bytes())?;
     Ok(Written { path: target, notes })
 }
 

@@ -3,8 +3,8 @@
 use aloft_pipeline::stages::STAGES;
 use aloft_pipeline::stages::flight::gravity_error_percent;
 use aloft_study::subject_session::SubjectSession;
-use aloft_workspace::error::StageFailure;
-use aloft_workspace::json::read_json;
+use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::Outcome;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
@@ -26,7 +26,10 @@ pub struct KinematicsRow {
 }
 
 /// Marker error, flights and the free-fall check of every dynamic trial.
-pub fn kinematics(session: &SubjectSession, ws: &Workspace) -> Vec<KinematicsRow> {
+///
+/// # Errors
+/// A result of the stage `flight` exists and cannot be read.
+pub fn kinematics(session: &SubjectSession, ws: &Workspace) -> Result<Vec<KinematicsRow>, PipelineError> {
     session
         .included()
         .filter(|t| t.role.is_dynamic())
@@ -38,17 +41,17 @@ pub fn kinematics(session: &SubjectSession, ws: &Workspace) -> Vec<KinematicsRow
                 failed.is_none_or(|f| at(stage) < at(f))
             };
             let flights: Option<aloft_flight::FlightReport> =
-                read_json(&ws.place("flight", &t.name).join("flights.json")).ok().filter(|_| valid("flight"));
+                read_json_if_there(&ws.place("flight", &t.name).join("flights.json"))?.filter(|_| valid("flight"));
             let ik = ws.manifest("ik", &t.name).filter(|_| valid("ik"));
             let gravity_error_percent =
                 flights.as_ref().and_then(|r| gravity_error_percent(r, session.facts.gravity_mps2));
-            KinematicsRow {
+            Ok(KinematicsRow {
                 trial: t.name.clone(),
                 role: t.role.word(),
                 marker_rms_mm: ik.and_then(|m| m.summary.get("marker_rms_mm").and_then(serde_json::Value::as_f64)),
                 flights: flights.map(|r| r.flights.len() as u64),
                 gravity_error_percent,
-            }
+            })
         })
         .collect()
 }

@@ -18,7 +18,9 @@ use aloft_signal::{median, quantile_of_sorted};
 use aloft_study::config::RobotConfig;
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::disk;
 use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::theirs::write_new;
 use std::path::{Path, PathBuf};
 
 /// Frames from one posture to the next that is compared with planned ones.
@@ -233,10 +235,9 @@ impl PlanInputs<'_> {
 }
 
 fn write(folder: &Path, found: &NextFlights, setup: &RobotSetup, rate_hz: f64) -> Result<(), PipelineError> {
-    std::fs::create_dir_all(folder).map_err(PipelineError::io("make", folder))?;
+    disk::create_dir_all(folder)?;
     for flight in &found.flights {
-        let path = folder.join(&flight.file);
-        std::fs::write(&path, flight.wave.csv(&setup.model, rate_hz)).map_err(PipelineError::io("write", &path))?;
+        disk::write_whole(&folder.join(&flight.file), flight.wave.csv(&setup.model, rate_hz).as_bytes())?;
     }
     Ok(())
 }
@@ -259,9 +260,9 @@ pub fn copy_to(session: &SubjectSession, dir: &Path) -> Result<Vec<PathBuf>, Pip
     // a study of several robots: a folder for each
     let own = session.id.subject.as_ref().map(|_| dir.join(session.id.to_string().replace('/', "_")));
     let dir = own.as_deref().unwrap_or(dir);
-    std::fs::create_dir_all(dir).map_err(PipelineError::io("make", dir))?;
+    disk::create_dir_all(dir)?;
     let targets: Vec<PathBuf> = plan.flights.iter().map(|f| dir.join(&f.file)).collect();
-    if let Some(there) = targets.iter().find(|t| t.exists()) {
+    if let Some(there) = targets.iter().find(|t| t.symlink_metadata().is_ok()) {
         return Err(PipelineError::request_hint(
             format!("{} is there already; nothing was written", there.display()),
             "name an empty folder",
@@ -269,7 +270,7 @@ pub fn copy_to(session: &SubjectSession, dir: &Path) -> Result<Vec<PathBuf>, Pip
     }
     for (flight, target) in plan.flights.iter().zip(&targets) {
         let source = folder(session).join(&flight.file);
-        std::fs::copy(&source, target).map_err(PipelineError::io("copy", &source))?;
+        write_new(target, &disk::read(&source)?)?;
     }
     Ok(targets)
 }

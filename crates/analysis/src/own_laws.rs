@@ -134,14 +134,14 @@ fn rest(formula: &str, position: usize) -> String {
 pub fn keep(session: &SubjectSession, law: &OwnEffect) -> Result<PathBuf, PipelineError> {
     let folder = session.effects_folder();
     let path = folder.join(format!("{}.yaml", law.spec.id));
-    if path.exists() {
+    if path.symlink_metadata().is_ok() {
         return Err(PipelineError::request_hint(
             format!("{} exists already", path.display()),
             "give the law another name, or move the file",
         ));
     }
     aloft_workspace::disk::create_dir_all(&folder)?;
-    aloft_workspace::disk::write_whole(&path, OwnEffect::text_of(&law.spec)?.as_bytes())?;
+    aloft_workspace::theirs::write_new(&path, OwnEffect::text_of(&law.spec)?.as_bytes())?;
     Ok(path)
 }
 

@@ -8,10 +8,12 @@
 
 use crate::to_correct::ToCorrect;
 use aloft_compare::{TrialComparison, correlation_in_time, significant};
+use aloft_workspace::disk::is_there;
+use aloft_workspace::error::PipelineError;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::table::Table;
 use aloft_workspace::workspace::Workspace;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// Correlation below which plates do not follow a motion: far below those of real sessions, because
 /// a movement with little change of force has less at a high cutoff (0.68 at 80 Hz).
@@ -34,9 +36,13 @@ struct Course {
 }
 
 impl Course {
-    fn read(ws: &Workspace, trial: &str, model: &str) -> Option<Self> {
+    fn read(ws: &Workspace, trial: &str, model: &str) -> Result<Option<Self>, PipelineError> {
         let file = ws.place("compare", WHOLE_STUDY).join(format!("series_{trial}.parquet"));
-        let columns = Table::read(&file).ok()?.into_map();
+        let columns = if is_there(&file)? { Some(Table::read(&file)?.into_map()) } else { None };
+        Ok(columns.and_then(|c| Self::of(&c, model)))
+    }
+
+    fn of(columns: &HashMap<String, Vec<f64>>, model: &str) -> Option<Self> {
         let flying = columns.get("in_flight")?;
         let size = |of: &str| {
             let axes = ["x", "y", "z"].map(|axis| columns.get(&format!("{of}.force_{axis}_n")));
@@ -50,14 +56,25 @@ impl Course {
 }
 
 /// The recordings whose plates follow another motion, or none; nothing if all follow their own.
-pub(crate) fn plates_follow(ws: &Workspace, trials: &[TrialComparison], model: &str) -> Option<ToCorrect> {
+pub(crate) fn plates_follow(
+    ws: &Workspace,
+    trials: &[TrialComparison],
+    model: &str,
+) -> Result<Option<ToCorrect>, PipelineError> {
     let own: Vec<(&str, f64)> = trials.iter().filter_map(|t| Some((t.trial.as_str(), t.plates_correlation?))).collect();
     let doubtful: Vec<(&str, f64)> = own.iter().copied().filter(|(_, r)| *r < FOLLOWS_CLOSELY).collect();
     if doubtful.is_empty() {
-        return None;
+        return Ok(None);
     }
-    let courses: BTreeMap<&str, Course> =
-        trials.iter().filter_map(|t| Some((t.trial.as_str(), Course::read(ws, &t.trial, model)?))).collect();
+    let mut courses: BTreeMap<&str, Course> = BTreeMap::new();
+    for t in trials {
+        courses.extend(Course::read(ws, &t.trial, model)?.map(|course| (t.trial.as_str(), course)));
+    }
+    Ok(exchanged(own, &doubtful, &courses))
+}
+
+/// What the courses of the recordings say of those whose plates are doubtful.
+fn exchanged(own: Vec<(&str, f64)>, doubtful: &[(&str, f64)], courses: &BTreeMap<&str, Course>) -> Option<ToCorrect> {
     let owner = |trial: &str, own: f64| -> Option<(&str, f64)> {
         let Course { measured, rate_hz, .. } = courses.get(trial)?;
         let others = courses.iter().filter(|(name, _)| **name != trial);

@@ -12,14 +12,16 @@ use aloft_identify::{EffectEstimate, Parameters};
 use aloft_pipeline::progress::{Progress, Silent};
 use aloft_pipeline::ready_made::{self, FORECAST};
 use aloft_pipeline::results::parameters_file;
-use aloft_pipeline::runner::run_held;
+use aloft_pipeline::runner::{TaskReport, run_held};
 use aloft_study::effects::OwnEffect;
 use aloft_study::revision::{ModelEffect, ReachedCoefficient, Revisions};
 use aloft_study::settings::{ADJUSTABLE, Adjustable, number_at, with_numbers};
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::disk;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json;
 use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::unfinished::Unfinished;
 use aloft_workspace::workspace::Workspace;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -208,21 +210,18 @@ pub(crate) fn on_a_copy<T>(
     keep: Keep,
     read: impl FnOnce(&SubjectSession) -> Result<T, PipelineError>,
 ) -> Result<T, PipelineError> {
-    let beside = changed.workspace.parent().unwrap_or(Path::new("."));
-    clear_abandoned(beside);
-    let copy = tempfile::Builder::new()
-        .prefix(COPY)
-        .tempdir_in(beside)
-        .map_err(PipelineError::io("create a folder in", beside))?;
+    let copy = folder_for_copy(&changed.workspace)?;
     link_all(&changed.workspace, copy.path())?;
     let original = Workspace::open(&changed.workspace);
     let with = SubjectSession { workspace: copy.path().to_path_buf(), ..changed };
     let lock = Workspace::open(copy.path()).lock(Duration::ZERO)?;
     let report = run_held(&with, &lock, progress)?;
-    // a stage that failed has left the results of the model before
-    if !freshness(&with)?.is_current() {
-        let failed: Vec<String> = report.failures().map(|(_, f)| f.problem.clone()).collect();
-        return Err(PipelineError::request(format!("the model could not be computed: {}", failed.join("; "))));
+    // a stage that failed has left the results of the model before; a trial that failed here and not
+    // in the workspace would be left out of the numbers
+    let new = |t: &&TaskReport| original.manifest(t.stage, &t.trial).is_some_and(|m| m.is_ok());
+    let failed: Vec<String> = report.failures().filter(|(t, _)| new(t)).map(|(_, f)| f.problem.clone()).collect();
+    if !failed.is_empty() || !freshness(&with)?.is_current() {
+        return Err(PipelineError::request(format!("it could not be computed: {}", failed.join("; "))));
     }
     let out = read(&with);
     if keep == Keep::Forecast && out.is_ok() {
@@ -232,24 +231,19 @@ pub(crate) fn on_a_copy<T>(
     out
 }
 
-/// First part of the names of copies.
-const COPY: &str = ".aloft-promise";
-/// Age from which a copy that nobody holds counts as abandoned.
-const ABANDONED_AFTER: Duration = Duration::from_hours(1);
-
-/// Removes copies that a killed process left behind.
-fn clear_abandoned(folder: &Path) {
-    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        let is_copy = entry.file_name().to_string_lossy().starts_with(COPY);
-        let age = entry.metadata().and_then(|m| m.modified()).ok().and_then(|t| t.elapsed().ok());
-        if is_copy
-            && age.is_some_and(|a| a > ABANDONED_AFTER)
-            && Workspace::open(&entry.path()).lock(Duration::ZERO).is_ok()
-        {
-            // what cannot be removed is tried again next time
-            let _ = std::fs::remove_dir_all(entry.path());
+/// A new folder for a copy of a workspace: beside it, where files can be linked; inside it, where
+/// the folder around it takes none; otherwise among the temporary files of the system.
+fn folder_for_copy(workspace: &Path) -> Result<Unfinished, PipelineError> {
+    let beside = workspace.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let elsewhere = std::env::temp_dir();
+    let mut first = None;
+    for folder in [beside, workspace, &elsewhere] {
+        match Unfinished::new_in(folder) {
+            Ok(copy) => return Ok(copy),
+            Err(e) => first = first.or(Some(e)),
         }
     }
+    Err(first.unwrap_or_else(|| PipelineError::request("there is no folder for a copy of the workspace")))
 }
 
 /// Files beside the stages' folders that the copy needs: the layout of the workspace, and the
@@ -260,16 +254,20 @@ const ALSO: [&str; 2] = [aloft_workspace::format::MARKER, "inputs.json"];
 /// them, copies elsewhere. Results are replaced as a whole and never changed in place, so that a
 /// link is as good as a copy.
 fn link_all(from: &Path, to: &Path) -> Result<(), PipelineError> {
-    for entry in walkdir::WalkDir::new(from).min_depth(1) {
+    // hidden files belong to runs, and copies may stand inside
+    let shown = |e: &walkdir::DirEntry| e.depth() == 0 || !e.file_name().to_string_lossy().starts_with('.');
+    for entry in walkdir::WalkDir::new(from).min_depth(1).into_iter().filter_entry(shown) {
         let entry = entry.map_err(|e| PipelineError::request(format!("{}: {e}", from.display())))?;
         let Ok(relative) = entry.path().strip_prefix(from) else { continue };
         let target = to.join(relative);
         if entry.file_type().is_dir() {
-            std::fs::create_dir_all(&target).map_err(PipelineError::io("create", &target))?;
+            disk::create_dir_all(&target)?;
         } else if relative.components().count() > 2 || ALSO.iter().any(|name| relative == Path::new(name)) {
-            let linked = relative.components().count() > 2 && std::fs::hard_link(entry.path(), &target).is_ok();
-            if !linked {
-                std::fs::copy(entry.path(), &target).map_err(PipelineError::io("copy to", &target))?;
+            // files that are changed in place are copied
+            if relative.components().count() > 2 {
+                disk::link(entry.path(), &target)?;
+            } else {
+                disk::copy(entry.path(), &target)?;
             }
         }
     }

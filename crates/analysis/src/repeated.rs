@@ -38,16 +38,19 @@ pub enum Samples {
 }
 
 /// Pairs of imported recordings that share samples; each recording is named once as the second.
-pub fn repeated(session: &SubjectSession) -> Vec<Repeated> {
+///
+/// # Errors
+/// A recording was imported and its result cannot be read.
+pub fn repeated(session: &SubjectSession) -> Result<Vec<Repeated>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let sketches: Vec<(&str, [Vec<u64>; 2])> = session
         .included()
         .filter(|t| t.role.is_dynamic() && ws.manifest("import", &t.name).is_some_and(|m| m.is_ok()))
-        .filter_map(|t| {
-            let record: ImportRecord = read_json(&ws.place("import", &t.name).join("quality.json")).ok()?;
-            Some((t.name.as_str(), [record.samples, record.plate_samples]))
+        .map(|t| {
+            let record: ImportRecord = read_json(&ws.place("import", &t.name).join("quality.json"))?;
+            Ok((t.name.as_str(), [record.samples, record.plate_samples]))
         })
-        .collect();
+        .collect::<Result<_, PipelineError>>()?;
     let mut out = Vec::new();
     for (i, (second, b)) in sketches.iter().enumerate() {
         let shared = |(first, a): &(&str, [Vec<u64>; 2])| {
@@ -58,7 +61,7 @@ pub fn repeated(session: &SubjectSession) -> Vec<Repeated> {
         };
         out.extend(sketches[..i].iter().find_map(shared));
     }
-    out
+    Ok(out)
 }
 
 /// What to say of recordings that share samples; none without any.
@@ -86,5 +89,5 @@ pub const EXCLUDE: &str = "exclude one of each pair under `trials: {exclude: …
 /// # Errors
 /// A request that names the recordings.
 pub fn refuse_repeated(session: &SubjectSession) -> Result<(), PipelineError> {
-    repeated_words(&repeated(session)).map_or(Ok(()), |words| Err(PipelineError::request_hint(words, EXCLUDE)))
+    repeated_words(&repeated(session)?).map_or(Ok(()), |words| Err(PipelineError::request_hint(words, EXCLUDE)))
 }

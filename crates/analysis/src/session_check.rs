@@ -89,7 +89,8 @@ fn persons_line(session: &SubjectSession) -> Option<SessionLine> {
 }
 
 fn repeated_line(session: &SubjectSession) -> Option<SessionLine> {
-    let pairs = repeated(session);
+    // an import that cannot be read is damaged, and said to be
+    let pairs = repeated(session).ok()?;
     Some(SessionLine {
         id: "repeated",
         what: "recordings that repeat another one".to_owned(),
@@ -387,7 +388,7 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         };
         format!("exchanged back: {}", exchanges.iter().map(of).collect::<Vec<_>>().join("; "))
     };
-    let in_static = static_labels(&source.ws);
+    let in_static = static_labels(&source.ws).ok().flatten();
     let words = [in_static.clone(), Some(words).filter(|_| n > 0 || in_static.is_none())];
     let words = words.into_iter().flatten().collect::<Vec<_>>().join("; ");
     let agrees = n == 0 && in_static.is_none();

@@ -1,6 +1,7 @@
 //! `status` and `explain`: the state of every stage of every trial, and the reason for it.
 
-use crate::freshness::not_current_of;
+use crate::freshness::{NotCurrent, not_current_of};
+use crate::outputs::{self, Look};
 use aloft_pipeline::graph::{self, Stage, TaskState};
 use aloft_pipeline::manifests::Manifests;
 use aloft_pipeline::selection::stage_index;
@@ -21,6 +22,8 @@ pub struct Status {
     pub stages: Vec<&'static str>,
     /// One row per trial, and one for the whole study.
     pub rows: Vec<StatusRow>,
+    /// Tables, report and export in the workspace that are not what the results give now.
+    pub files: Vec<NotCurrent>,
 }
 
 /// One row of the grid.
@@ -63,7 +66,7 @@ fn present_state(
 pub fn status(session: &SubjectSession) -> Result<Status, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let manifests = Manifests::read_and_examine(session, &ws, STAGES);
-    grid(session, &ws, &manifests)
+    Ok(Status { files: outputs::of_session(session, Look::Quick)?, ..grid(session, &ws, &manifests)? })
 }
 
 /// The same from manifests that were already read.
@@ -91,7 +94,7 @@ pub fn grid(session: &SubjectSession, ws: &Workspace, manifests: &Manifests) -> 
         .collect();
     let cells = STAGES.iter().map(|s| word(s.name, WHOLE_STUDY)).collect();
     rows.push(StatusRow { trial: WHOLE_STUDY.to_owned(), role: "study".to_owned(), cells });
-    Ok(Status { version: 1, stages: STAGES.iter().map(|s| s.name).collect(), rows })
+    Ok(Status { version: 1, stages: STAGES.iter().map(|s| s.name).collect(), rows, files: Vec::new() })
 }
 
 /// Reason for the present state of one result.

@@ -2,6 +2,7 @@
 //! closed list.
 
 use crate::freshness::{NotCurrent, freshness};
+use crate::outputs;
 use aloft_pipeline::graph::Scope;
 use aloft_pipeline::manifests::Manifests;
 use aloft_pipeline::stages::STAGES;
@@ -379,9 +380,12 @@ impl Summary {
         )
     }
 
-    /// Writes `summary.csv`, `summary.parquet` and `summary.txt`, each completely or not at all;
-    /// returns the path of the CSV file.
-    pub fn write(&self, folder: &Path) -> Result<PathBuf, PipelineError> {
+    /// Writes `summary.csv`, `summary.parquet` and `summary.txt` of a study, each completely or not
+    /// at all; returns the path of the CSV file.
+    pub fn write(&self, set: &DataSet) -> Result<PathBuf, PipelineError> {
+        let folder = &set.workspace;
+        let members: Vec<&SubjectSession> = set.members.iter().collect();
+        let recording = outputs::begin(folder, &outputs::SUMMARY, &members)?;
         let path = folder.join("summary.csv");
         let wrong = |e: PolarsError| PipelineError::Table { path: path.clone(), problem: e.to_string() };
         let mut frame = self.to_frame().map_err(wrong)?;
@@ -389,11 +393,11 @@ impl Summary {
             [("summary.csv", write_csv as fn(&mut DataFrame, &Path) -> _), ("summary.parquet", write_frame)]
         {
             let new = Temporary::beside(&folder.join(name))?;
-            disk::step();
             write(&mut frame, new.path())?;
             new.place()?;
         }
         disk::write_whole(&folder.join("summary.txt"), format!("{}\n", self.to_text()).as_bytes())?;
+        recording.done()?;
         Ok(path)
     }
 

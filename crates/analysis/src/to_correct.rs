@@ -12,8 +12,9 @@ use aloft_flight::FlightReport;
 use aloft_scale::{ScaleReport, ScaleWarning};
 use aloft_signal::median;
 use aloft_study::subject_session::SubjectSession;
-use aloft_workspace::json::read_json;
-use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::json::read_json_if_there;
+use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 
@@ -60,35 +61,49 @@ pub(crate) fn to_correct(
     rows: &[KinematicsRow],
     impulse: Option<&ImpulseMassView>,
     weight_n: f64,
-) -> Option<ToCorrect> {
+) -> Result<Option<ToCorrect>, PipelineError> {
     let wrong_mass = || {
         let words = impulse?.wrong.clone()?;
         Some(ToCorrect { words, first: true, void: true, offered: true })
     };
-    markers(comparison, rows, weight_n)
-        .or_else(|| of_static(ws))
-        .or_else(|| of_floors(&floors(comparison)))
-        .or_else(|| of_falls(&falls(session, ws)))
-        .or_else(|| plates_follow(ws, &comparison.first.trials, &comparison.first.model))
+    if let Some(found) = markers(comparison, rows, weight_n) {
+        return Ok(Some(found));
+    }
+    if let Some(found) = of_static(ws)? {
+        return Ok(Some(found));
+    }
+    if let Some(found) = of_floors(&floors(comparison)) {
+        return Ok(Some(found));
+    }
+    if let Some(found) = of_falls(&falls(session, ws)?) {
+        return Ok(Some(found));
+    }
+    let follow = plates_follow(ws, &comparison.first.trials, &comparison.first.model)?;
+    Ok(follow
         .or_else(wrong_mass)
         // a wrong mass or a gain of all plates makes such an error everywhere, and is said as such
-        .or_else(|| plates(&comparison.first.trials, weight_n).filter(|_| impulse.is_none_or(|m| m.doubt.is_none())))
+        .or_else(|| plates(&comparison.first.trials, weight_n).filter(|_| impulse.is_none_or(|m| m.doubt.is_none()))))
 }
 
 /// Labels of the static trial.
-pub(crate) fn of_static(ws: &Workspace) -> Option<ToCorrect> {
-    let words = static_labels(ws)?;
-    Some(ToCorrect {
+pub(crate) fn of_static(ws: &Workspace) -> Result<Option<ToCorrect>, PipelineError> {
+    Ok(static_labels(ws)?.map(|words| ToCorrect {
         words: format!("check the labels of the static trial: {words}"),
         first: true,
         void: false,
         offered: false,
-    })
+    }))
 }
 
 /// Labels that contradict the anatomy in the static trial.
-pub(crate) fn static_labels(ws: &Workspace) -> Option<String> {
-    let report: ScaleReport = read_json(&ws.place("scale", WHOLE_STUDY).join("report.json")).ok()?;
+pub(crate) fn static_labels(ws: &Workspace) -> Result<Option<String>, PipelineError> {
+    // the report of an object has another form, and an object has no anatomy
+    let of_object = |m: Manifest| m.parameters.get("object").is_some_and(|o| !o.is_null());
+    if ws.manifest("scale", WHOLE_STUDY).is_none_or(of_object) {
+        return Ok(None);
+    }
+    let report: Option<ScaleReport> = read_json_if_there(&ws.place("scale", WHOLE_STUDY).join("report.json"))?;
+    let Some(report) = report else { return Ok(None) };
     let wrong = |w: &&ScaleWarning| {
         matches!(
             w,
@@ -98,7 +113,7 @@ pub(crate) fn static_labels(ws: &Workspace) -> Option<String> {
         )
     };
     let words: Vec<String> = report.warnings.iter().filter(wrong).map(ToString::to_string).collect();
-    (!words.is_empty()).then(|| words.join("; "))
+    Ok((!words.is_empty()).then(|| words.join("; ")))
 }
 
 /// Marker errors that alone leave a large share of the weight.
@@ -192,14 +207,18 @@ struct Fall {
     differs: bool,
 }
 
-fn falls(session: &SubjectSession, ws: &Workspace) -> Vec<Fall> {
-    let of = |trial: &str| {
-        let report: FlightReport = read_json(&ws.place("flight", trial).join("flights.json")).ok()?;
+fn falls(session: &SubjectSession, ws: &Workspace) -> Result<Vec<Fall>, PipelineError> {
+    let of = |trial: &str, report: FlightReport| {
         let fall = report.free_fall?;
         let (ratio, leans_deg) = (fall.ratio?, fall.tilt_deg?);
         Some(Fall { trial: trial.to_owned(), ratio, leans_deg, differs: fall.differs })
     };
-    session.included().filter_map(|t| of(&t.name)).collect()
+    let mut all = Vec::new();
+    for t in session.included() {
+        let report: Option<FlightReport> = read_json_if_there(&ws.place("flight", &t.name).join("flights.json"))?;
+        all.extend(report.and_then(|r| of(&t.name, r)));
+    }
+    Ok(all)
 }
 
 fn of_falls(falls: &[Fall]) -> Option<ToCorrect> {

@@ -1,6 +1,7 @@
 //! `verify`: compares every file of a workspace with the hash stored when it was written.
 
 use crate::freshness::{NotCurrent, freshness};
+use crate::outputs::{self, Look};
 use aloft_pipeline::stages::STAGES;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
@@ -44,15 +45,24 @@ pub struct Damage {
     pub mend: String,
 }
 
+impl Damage {
+    /// A table, report or export that is not as it was written; the problem names what mends it.
+    pub fn of_file(place: String, problem: String) -> Self {
+        let (problem, mend) = problem.split_once("; ").unwrap_or((&problem, ""));
+        Self { place, problems: vec![problem.to_owned()], mend: mend.trim_end_matches(" writes it again").to_owned() }
+    }
+}
+
 /// Files that commands store next to the results of stages, each with the command that writes it
 /// again.
-const KEPT: [(&str, &str); 6] = [
+const KEPT: [(&str, &str); 7] = [
     ("model.json", "put back a copy, or delete the file and add the effects again"),
     ("discovery.json", "`aloft discover`"),
     ("discovery_volume.json", "`aloft discover`"),
     ("self_test.json", "`aloft discover --self-test`"),
     ("assessment.json", "`aloft parameters --assess`"),
     ("inputs.json", "`aloft run`"),
+    (outputs::LIST, "`aloft run`"),
 ];
 
 /// Checks everything in a study's workspace; changes nothing.
@@ -111,6 +121,11 @@ pub fn verify(session: &SubjectSession) -> Result<Verified, PipelineError> {
         }
     }
     out.stale = freshness(session)?.stale;
+    let (damaged, stale): (Vec<_>, Vec<_>) =
+        outputs::of_session(session, Look::Whole)?.into_iter().partition(|f| f.state == "damaged");
+    out.files += outputs::count(&session.workspace)?;
+    out.damaged.extend(damaged.into_iter().map(|f| Damage::of_file(f.trial, f.because)));
+    out.stale.extend(stale);
     // a missing folder cannot be compared with its hash, but later results were made from it
     for one in out.stale.iter().filter(|n| n.state == "missing" && n.stage != "model") {
         let key = format!("{}/{}", one.stage, one.trial);

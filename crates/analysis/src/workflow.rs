@@ -19,11 +19,11 @@ use aloft_pipeline::merge;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::quote;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
-use aloft_workspace::disk::write_whole;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::format::{MARKER, marker_text};
 use aloft_workspace::json::write_json_whole;
 use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::theirs::{refuse_foreign, write_own};
 use aloft_workspace::workspace::Workspace;
 use serde_json::{Value, json};
 use std::collections::HashSet;
@@ -420,21 +420,16 @@ pub fn plan_path(snakefile: &Path) -> PathBuf {
 pub fn write(members: &[Member<'_>], call: &Call, out: &Path) -> Result<(), PipelineError> {
     let plan = plan_of(members, call)?;
     let beside = plan_path(out);
+    let ours = |old: &[u8]| {
+        let text = String::from_utf8_lossy(old);
+        let json = || serde_json::from_str::<Value>(&text).is_ok_and(|v| v["written_by"] == WRITTEN_BY);
+        text.starts_with(&format!("# {WRITTEN_BY}")) || json()
+    };
     for path in [out, beside.as_path()] {
-        let ours = |old: &[u8]| {
-            let text = String::from_utf8_lossy(old);
-            let json = || serde_json::from_str::<Value>(&text).is_ok_and(|v| v["written_by"] == WRITTEN_BY);
-            text.starts_with(&format!("# {WRITTEN_BY}")) || json()
-        };
-        if path.exists() && !std::fs::read(path).is_ok_and(|old| ours(&old)) {
-            return Err(PipelineError::request_hint(
-                format!("{} exists and was not written by this command", path.display()),
-                "give another name with --out; nothing is overwritten",
-            ));
-        }
+        refuse_foreign(path, "workflow", ours)?;
     }
     write_json_whole(&beside, &plan)?;
-    write_whole(out, snakefile().as_bytes())
+    write_own(out, snakefile().as_bytes(), "workflow", ours)
 }
 
 /// A result that is missing from a finished workflow.

@@ -181,6 +181,24 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Remove everything that the workspace holds about one subject; recordings are not touched.
+    #[command(
+        after_help = "Examples:\n  aloft forget P.yaml sub-02 --dry-run   what would be removed\n  aloft forget P.yaml sub-02\n\nResults, stored answers and exports of the subject go, and tables and pages of the whole study, which the next `run` and `report` write without the subject. Delete or exclude the recordings, too: a run makes results of every recording that it finds."
+    )]
+    Forget {
+        /// The pipeline.
+        #[command(flatten)]
+        pipeline: PipelineArgs,
+        /// Name of the subject, as `status` shows it.
+        #[arg(value_name = "NAME")]
+        name: String,
+        /// Only say what would be removed.
+        #[arg(long)]
+        dry_run: bool,
+        /// Machine-readable output.
+        #[arg(long)]
+        json: bool,
+    },
     /// Say why a result is stale or failed: which file, parameter or version changed.
     #[command(
         after_help = "Examples:\n  aloft explain P.yaml                     everything that is not up to date\n  aloft explain P.yaml jump03              one trial\n  aloft explain P.yaml jump03 filter       one result, with what it was made from\n  aloft explain P.yaml _study identify --subject sub-02"

@@ -26,6 +26,7 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         Command::Status { pipeline, strict, json } => workspace::status(&pipeline, strict, json),
         Command::Verify { pipeline, strict, json } => workspace::verify(&pipeline, strict, json),
         Command::Summary { pipeline, strict, json } => workspace::summary(&pipeline, strict, json),
+        Command::Forget { pipeline, name, dry_run, json } => workspace::forget(&pipeline, &name, dry_run, json),
         Command::Explain { pipeline, strict, trial, stage } => {
             workspace::explain(&pipeline, strict, trial.as_deref(), stage.as_deref())
         }

@@ -1,5 +1,6 @@
 //! The `aloft` command. `main` maps results to exit codes: 0 success; 1 some trials failed (the
-//! results of the others are kept); 2 the command or configuration is wrong.
+//! results of the others are kept); 2 the command or configuration is wrong; 128 and the number of
+//! the signal that ended it (130 for Ctrl-C).
 
 mod args;
 mod commands;
@@ -22,6 +23,7 @@ mod show_estimators;
 mod show_export;
 mod show_session;
 mod show_workspace;
+mod signals;
 mod stop;
 mod workflow;
 
@@ -39,6 +41,7 @@ pub enum Success {
 
 fn main() -> ExitCode {
     let cli = args::Cli::parse();
+    signals::watch();
     let result = commands::dispatch(cli);
     match result {
         Ok(Success::Full) => ExitCode::SUCCESS,

@@ -7,7 +7,8 @@ use aloft_study::data_set::DataSet;
 use aloft_study::quote;
 use aloft_study::subject_session::{Overrides, SubjectSession};
 
-fn overrides(args: &PipelineArgs) -> Overrides {
+/// Folders and choices of the command line.
+pub fn overrides(args: &PipelineArgs) -> Overrides {
     Overrides {
         data: args.data.clone(),
         workspace: args.workspace.clone(),

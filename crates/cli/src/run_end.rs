@@ -97,7 +97,7 @@ pub fn show(
         if let Some(words) = several_persons(&persons(session)) {
             out(labelled("persons     ", &words))?;
         }
-        if let Some(words) = repeated_words(&repeated(session)) {
+        if let Some(words) = repeated_words(&repeated(session)?) {
             out(labelled("repeated    ", &format!("{words}; {EXCLUDE}")))?;
         }
     }

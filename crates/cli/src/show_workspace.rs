@@ -7,8 +7,8 @@ use crate::open::open_all;
 use crate::render::{note, out, table};
 use crate::screen::labelled;
 use crate::stop::Stop;
-use aloft_analysis::freshness::Freshness;
-use aloft_analysis::{status, verify};
+use aloft_analysis::freshness::{Freshness, NotCurrent};
+use aloft_analysis::{forget, status, verify};
 use aloft_pipeline::graph::TaskState;
 use aloft_study::quote::visible;
 use aloft_workspace::error::PipelineError;
@@ -36,6 +36,21 @@ pub fn verified(found: &verify::Verified) -> Result<(), Stop> {
     out(format!("{} results, {} files, {megabytes:.1} MB: {damaged}", found.results, found.files))
 }
 
+/// What was removed, and what was not touched.
+pub fn forgotten(found: &forget::Forgotten) -> Result<(), Stop> {
+    let head = if found.done { "removed" } else { "would be removed" };
+    let mut t = table(&[head, "files", "MB", "because"]).left(&[3]).wrapped(3);
+    for r in &found.removed {
+        let megabytes = format!("{:.1}", r.bytes as f64 / 1e6);
+        t.add_row([visible(&r.place), r.files.to_string(), megabytes, r.because.clone()]);
+    }
+    out(t)?;
+    for kept in &found.kept {
+        out(labelled("not touched: ", kept))?;
+    }
+    Ok(())
+}
+
 /// State of every stage of every trial.
 pub fn status(found: &status::Status) -> Result<(), Stop> {
     let mut header = vec!["trial", "role"];
@@ -44,7 +59,14 @@ pub fn status(found: &status::Status) -> Result<(), Stop> {
     for row in &found.rows {
         t.add_row([visible(&row.trial), row.role.clone()].into_iter().chain(row.cells.iter().cloned()));
     }
-    out(t)
+    out(t)?;
+    found.files.iter().for_each(file);
+    Ok(())
+}
+
+/// A table, report or export that is not what the results give now.
+pub fn file(one: &NotCurrent) {
+    note(format!("{}: {}: {}", one.state, one.trial, one.because));
 }
 
 /// How one result was made; without trial and stage, everything that is not up to date.

@@ -65,7 +65,7 @@ fn judge(set: &DataSet, args: &PipelineArgs, cannot: bool) -> Result<Success, St
         first += here;
         behind += lacking.len() - here;
     }
-    summary::summary(set, &description_of(args))?.write(&set.workspace)?;
+    summary::summary(set, &description_of(args))?.write(set)?;
     if first + behind == 0 && !cannot {
         note("all results are present and up to date");
         return Ok(Success::Full);

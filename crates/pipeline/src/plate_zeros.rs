@@ -34,7 +34,7 @@ pub(crate) fn tare_readings(results: Results<'_>, name: &str) -> Result<TareRead
 pub struct SessionZeros<'a> {
     results: Results<'a>,
     trials: &'a [String],
-    read: OnceLock<Vec<TrialZeros>>,
+    read: OnceLock<Result<Vec<TrialZeros>, StageFailure>>,
 }
 
 /// The readings of one trial that say what a plate reads unloaded.
@@ -59,19 +59,21 @@ impl<'a> SessionZeros<'a> {
         Self { results, trials, read: OnceLock::new() }
     }
 
-    /// Those of the trials other than `name`, in order.
-    fn others(&self, name: &str) -> impl Iterator<Item = &TrialZeros> {
+    /// Those of the trials other than `name`, in order. Trials that are not among the inputs of the
+    /// stage are left out; tares that are there and cannot be read are an error.
+    fn others(&self, name: &str) -> Result<Vec<&TrialZeros>, StageFailure> {
         let read = || {
             let of = |trial: &String| {
-                let tares = self.results.load_tares(trial).ok()?;
+                let Some(tares) = self.results.load_tares_if_any(trial)? else { return Ok(None) };
                 // readings without noise say nothing: software set them to zero
                 let told = tares.iter().filter(|t| t.source != TareSource::None && t.noise_n > 0.0);
                 let known = told.map(|t| (t.plate.clone(), t.source == TareSource::Flights, mean(t))).collect();
-                Some(TrialZeros { trial: trial.clone(), known })
+                Ok(Some(TrialZeros { trial: trial.clone(), known }))
             };
-            self.trials.iter().filter_map(of).collect()
+            self.trials.iter().filter_map(|trial| of(trial).transpose()).collect()
         };
-        self.read.get_or_init(read).iter().filter(move |t| t.trial != name)
+        let all = self.read.get_or_init(read).as_ref().map_err(StageFailure::clone)?;
+        Ok(all.iter().filter(|t| t.trial != name).collect())
     }
 }
 
@@ -87,24 +89,31 @@ impl Zero {
     /// From the tares of the trial and of the session. A plate is unknown if the trial never
     /// unloads it, or if what was taken for its unloaded reading is far from those in flights of
     /// other trials: a foot that rests lightly on a plate is as quiet as none.
-    pub fn of(name: &str, tares: &[PlateTare], session: &SessionZeros<'_>) -> Self {
-        let doubtful = |t: &PlateTare| {
-            let shown: Vec<Vector6<f64>> = session.others(name).filter_map(|o| o.of(&t.plate, true)).collect();
-            OffsetRange::of(&shown).is_some_and(|range| !range.contains(&mean(t)))
+    ///
+    /// # Errors
+    /// The tares of another trial cannot be read.
+    pub fn of(name: &str, tares: &[PlateTare], session: &SessionZeros<'_>) -> Result<Self, StageFailure> {
+        let doubtful = |t: &PlateTare| -> Result<bool, StageFailure> {
+            let others = session.others(name)?;
+            let shown: Vec<Vector6<f64>> = others.iter().filter_map(|o| o.of(&t.plate, true)).collect();
+            Ok(OffsetRange::of(&shown).is_some_and(|range| !range.contains(&mean(t))))
         };
-        let unknown: Vec<&PlateTare> = tares
-            .iter()
-            .filter(|t| t.source == TareSource::None || (t.source == TareSource::OwnReadings && doubtful(t)))
-            .collect();
+        let mut unknown: Vec<&PlateTare> = Vec::new();
+        for t in tares {
+            if t.source == TareSource::None || (t.source == TareSource::OwnReadings && doubtful(t)?) {
+                unknown.push(t);
+            }
+        }
         if unknown.is_empty() {
-            return Self { unknown: false, range: None };
+            return Ok(Self { unknown: false, range: None });
         }
         // what is left of a plate's constant after its tare was taken off
-        let left: Vec<Vector6<f64>> = session
-            .others(name)
+        let others = session.others(name)?;
+        let left: Vec<Vector6<f64>> = others
+            .iter()
             .filter_map(|o| unknown.iter().map(|t| Some(o.of(&t.plate, false)? - mean(t))).sum())
             .collect();
-        Self { unknown: true, range: OffsetRange::of(&left) }
+        Ok(Self { unknown: true, range: OffsetRange::of(&left) })
     }
 }
 

@@ -32,18 +32,13 @@ fn same(a: &Manifest, b: &Manifest) -> bool {
     a.version == b.version && a.parameters == b.parameters && a.inputs == b.inputs && a.output == b.output
 }
 
-/// Links a file, or copies it where the file system has no links.
-fn link(from: &Path, to: &Path) -> std::io::Result<()> {
-    std::fs::hard_link(from, to).or_else(|_| std::fs::copy(from, to).map(|_| ()))
-}
-
 /// Puts a result into a cache, in place of the one that is there. Nothing waits for the disk: what
 /// a crash leaves incomplete does not fit its hashes and is not used.
 fn store(from: &Path, into: &Workspace, stage: &str, trial: &str) -> Option<()> {
     let scratch = into.scratch(stage, trial).ok()?;
     for file in std::fs::read_dir(from).ok()? {
         let file = file.ok()?;
-        link(&file.path(), &scratch.join(file.file_name())).ok()?;
+        disk::link(&file.path(), &scratch.join(file.file_name())).ok()?;
     }
     let place = into.place(stage, trial);
     disk::create_dir_all(place.parent()?).ok()?;
@@ -129,7 +124,7 @@ pub(crate) fn take(
         }
         let scratch = workspace.scratch(stage.name, name).ok()?;
         let from = store.place(stage.name, name);
-        found.files.keys().try_for_each(|file| link(&from.join(file), &scratch.join(file))).ok()?;
+        found.files.keys().try_for_each(|file| disk::link(&from.join(file), &scratch.join(file))).ok()?;
         let report = TaskReport {
             stage: stage.name,
             trial: name.to_owned(),

@@ -9,7 +9,7 @@ use aloft_study::config::Rows;
 use aloft_trial::Trial;
 use aloft_workspace::artifact::{load_markers, load_motion, load_trial, load_trial_without_points};
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::{read_json, read_json_if_there};
 use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
 use aloft_workspace::workspace::Workspace;
 use std::collections::{HashMap, HashSet};
@@ -116,6 +116,12 @@ impl<'a> Results<'a> {
     /// Readings of a trial's plates when nothing stands on them.
     pub fn load_tares(&self, trial: &str) -> Result<Vec<PlateTare>, StageFailure> {
         Ok(read_json(&self.place("flight", trial)?.join("tare.json"))?)
+    }
+
+    /// The same; none if they are not among the inputs of the stage.
+    pub fn load_tares_if_any(&self, trial: &str) -> Result<Option<Vec<PlateTare>>, StageFailure> {
+        let Ok(place) = self.place("flight", trial) else { return Ok(None) };
+        Ok(read_json_if_there(&place.join("tare.json"))?)
     }
 
     /// The contact of a trial that its plates measure completely.

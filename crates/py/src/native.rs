@@ -134,7 +134,7 @@ impl Native {
             let done = run_all(&set, &selection, reporter)?;
             if !dry_run {
                 let words = quote::pipeline(&pipeline, overrides.data.as_deref(), overrides.workspace.as_deref());
-                summary::summary(&set, &words)?.write(&set.workspace)?;
+                summary::summary(&set, &words)?.write(&set)?;
             }
             let answer = RunAnswer::of(&set, &done);
             // no run could begin: the reason of the first is the error

@@ -35,9 +35,11 @@ mod switches;
 mod trial;
 mod wording;
 
+use aloft_analysis::outputs::{REPORT, begin};
 use aloft_page::{Chapter, Live, Page, render, render_live};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::theirs::{refuse_foreign, write_own};
 pub use group::{Absent, Member};
 pub use pair::side_by_side;
 use rayon::prelude::*;
@@ -52,21 +54,40 @@ const STUDY: &str = "Study";
 /// Heading of the chapters about single recordings.
 const RECORDINGS: &str = "Recordings";
 
-/// Builds the page and writes it; returns its path.
+/// What a message calls a page.
+const PAGE: &str = "page";
+
+/// True for the text of a page that Aloft made: it says so in its head, or, of earlier versions,
+/// holds the symbols of the lights.
+fn is_page(text: &[u8]) -> bool {
+    let holds = |text: &[u8], part: &str| text.windows(part.len()).any(|w| w == part.as_bytes());
+    let head = &text[..text.len().min(1000)];
+    head.starts_with(b"<!doctype html>")
+        && (holds(head, "<meta name=\"generator\" content=\"aloft\">") || holds(text, "<symbol id=\"light-good\""))
+}
+
+/// Builds the page and writes it; returns its path. Only a page that Aloft made is replaced.
 pub fn write(session: &SubjectSession, out: Option<&Path>) -> Result<PathBuf, PipelineError> {
     Ok(write_page(session, out)?.0)
 }
 
 /// The same; returns also how many switches the page has, or why none, in a few words.
 fn write_page(session: &SubjectSession, out: Option<&Path>) -> Result<(PathBuf, String), PipelineError> {
+    if let Some(path) = out {
+        refuse_foreign(path, PAGE, is_page)?;
+    }
+    let recording = if out.is_none() { Some(begin(&session.workspace, &[REPORT], &[session])?) } else { None };
     let (page, offered) = page(session, true)?;
     let html = match &offered.panel {
         Some(sent) => render_live(&page, &sent.panel()),
         None => render(&page),
     };
     let html = html.map_err(|e| PipelineError::request(e.to_string()))?;
-    let path = out.map_or_else(|| session.workspace.join("report.html"), Path::to_path_buf);
-    aloft_workspace::disk::write_whole(&path, html.as_bytes())?;
+    let path = out.map_or_else(|| session.workspace.join(REPORT), Path::to_path_buf);
+    write_own(&path, html.as_bytes(), PAGE, is_page)?;
+    if let Some(recording) = recording {
+        recording.done()?;
+    }
     Ok((path, offered.brief))
 }
 
@@ -84,7 +105,7 @@ pub fn write_group(
     out: &Path,
 ) -> Result<PathBuf, PipelineError> {
     let html = render(&group::page(title, members, absent)?).map_err(|e| PipelineError::request(e.to_string()))?;
-    aloft_workspace::disk::write_whole(out, html.as_bytes())?;
+    write_own(out, html.as_bytes(), PAGE, is_page)?;
     Ok(out.to_path_buf())
 }
 

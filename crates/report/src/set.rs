@@ -1,8 +1,10 @@
 //! The pages of a study of several subjects: one per subject and session, and one over all of them.
 
 use super::group::{Absent, Member};
+use aloft_analysis::outputs::{REPORT, begin};
 use aloft_study::data_set::DataSet;
 use aloft_study::recordings::SessionId;
+use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 use std::path::PathBuf;
 
@@ -44,7 +46,10 @@ pub fn write_set(set: &DataSet) -> Result<SetReport, PipelineError> {
         .chain(excluded)
         .map(|(id, reason, on_purpose)| Absent { name: id.to_string(), reason, on_purpose })
         .collect();
-    let whole = set.workspace.join("report.html");
+    let whole = set.workspace.join(REPORT);
+    let of: Vec<&SubjectSession> = set.members.iter().collect();
+    let recording = begin(&set.workspace, &[REPORT], &of)?;
     pages.insert(0, super::write_group(&set.pipeline.config.name, &members, &absent, &whole)?);
+    recording.done()?;
     Ok(SetReport { pages, failed })
 }

@@ -1,7 +1,7 @@
 //! The data of the page, read from the workspace once.
 
 use aloft_analysis::answers::of_revisions;
-use aloft_analysis::compare::{ComparisonView, compare};
+use aloft_analysis::compare::{ComparisonView, compare_if_made};
 use aloft_analysis::discover::{Kept, looked_at};
 use aloft_analysis::freshness::{Freshness, freshness};
 use aloft_analysis::history::{History, history};
@@ -113,9 +113,9 @@ impl<'a> Story<'a> {
         }
         let freshness = freshness(now)?;
         freshness.refuse_damaged(session, &[])?;
-        let rows = kinematics(session, &ws);
-        let comparison = compare(session).ok();
-        let summary = rows_of(now, "").unwrap_or_default();
+        let rows = kinematics(session, &ws)?;
+        let comparison = compare_if_made(session)?;
+        let summary = rows_of(now, "")?;
         let trials = session
             .trials
             .par_iter()

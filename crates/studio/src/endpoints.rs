@@ -4,6 +4,7 @@
 use crate::events;
 use crate::guard::guard;
 use crate::jobs::Request;
+use crate::patience::SIGN_OF_LIFE;
 use crate::state::Studio;
 use crate::view;
 use aloft_analysis::own_laws;
@@ -230,5 +231,7 @@ async fn job(State(studio): State<Arc<Studio>>, body: Bytes) -> Result<Response,
 
 /// What the server tells by itself.
 async fn listen(State(studio): State<Arc<Studio>>) -> Response {
-    Sse::new(events::stream(studio.events.subscribe())).keep_alive(KeepAlive::default()).into_response()
+    Sse::new(events::stream(studio.events.subscribe()))
+        .keep_alive(KeepAlive::new().interval(SIGN_OF_LIFE))
+        .into_response()
 }

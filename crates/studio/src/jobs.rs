@@ -136,7 +136,14 @@ fn work(studio: &Studio, job: Request) -> Result<(), PipelineError> {
         Request::Run => run(&session, &Selection::default(), &told).map(|_| ()),
         Request::Discover => {
             let options = discover::options(Vec::new(), Vec::new(), false, None);
-            discover::discover(&session, &options, &|t| told.discovery(t)).map(|_| ())
+            let found = discover::discover(&session, &options, &|t| told.discovery(t))?;
+            match found.not_computed.first().or(found.not_stored.as_ref()) {
+                Some(why) => Err(PipelineError::request_hint(
+                    format!("the answer is not whole or could not be stored: {why}"),
+                    "make room on the disk or make it writable, and ask again",
+                )),
+                None => Ok(()),
+            }
         }
         Request::Exact { ticket, effects, changes } => {
             let switches = studio.switches()?;
@@ -159,7 +166,7 @@ fn work(studio: &Studio, job: Request) -> Result<(), PipelineError> {
                 if let Err(e) = effect::add(&now, new, &[], false, &told) {
                     // the model does not hold it, so that it stays a draft
                     if let Some(path) = written {
-                        std::fs::remove_file(&path).map_err(PipelineError::io("remove", &path))?;
+                        aloft_workspace::disk::remove_file(&path)?;
                     }
                     return Err(e);
                 }

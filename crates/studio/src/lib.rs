@@ -9,6 +9,7 @@
 //! |---|---|
 //! | `state` | what the server knows: how to open the study, its switches, the queue of work |
 //! | `guard` | who may talk to the server |
+//! | `patience` | closes connections that are not used |
 //! | `endpoints` | addresses and their answers |
 //! | `jobs` | work that takes longer than an answer, one piece after the other |
 //! | `events` | what the server tells the pages by itself |
@@ -20,12 +21,14 @@ mod endpoints;
 mod events;
 mod guard;
 mod jobs;
+mod patience;
 mod state;
 mod view;
 
 pub use state::{Opener, SetOpener};
 
 use aloft_workspace::error::PipelineError;
+use patience::{PATIENCE, Patient};
 use state::Studio;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -82,6 +85,7 @@ impl Server {
             tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().map_err(broken)?;
         runtime.block_on(async {
             let listener = TcpListener::from_std(self.listener).map_err(broken)?;
+            let listener = Patient { listener, patience: PATIENCE };
             axum::serve(listener, endpoints::router(self.studio)).await.map_err(broken)
         })
     }

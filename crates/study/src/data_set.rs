@@ -14,7 +14,7 @@ use crate::subject_session::{Overrides, Place, SubjectSession};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use globset::GlobMatcher;
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// All subjects and sessions of a pipeline.
 #[derive(Debug)]
@@ -56,6 +56,14 @@ struct Folder {
 }
 
 impl DataSet {
+    /// Folder of recordings and folder of results of a pipeline; what is in them is not looked at.
+    ///
+    /// # Errors
+    /// The pipeline cannot be read, or names no folder of recordings that exists.
+    pub fn places(path: &Path, overrides: &Overrides) -> Result<(PathBuf, PathBuf), PipelineError> {
+        folders_of(&PipelineFile::read(path)?, overrides)
+    }
+
     /// Reads the pipeline file and finds subjects, sessions, recordings and facts.
     pub fn open(path: &Path, overrides: &Overrides) -> Result<Self, PipelineError> {
         let pipeline = PipelineFile::read(path)?;
@@ -354,6 +362,21 @@ fn folders_of(pipeline: &PipelineFile, overrides: &Overrides) -> Result<(PathBuf
         (None, Some(w)) => dir.join(w),
         (None, None) => {
             let name = data.canonicalize().ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
+            if !stays_inside(&config.name) {
+                return Err(error_at_key(
+                    &file,
+                    &pipeline.text,
+                    "name",
+                    format!(
+                        "`{}` leads out of the folder `{WORKSPACES}`, where results are kept",
+                        visible(&config.name)
+                    ),
+                    Some(
+                        "give a name without `..` and without a leading `/`, or name the folder: `workspace: FOLDER`"
+                            .to_owned(),
+                    ),
+                ));
+            }
             let name = format!("{}-{}", config.name, name.unwrap_or_else(|| "data".to_owned()));
             default_workspace(&dir, &name)
         }
@@ -363,6 +386,13 @@ fn folders_of(pipeline: &PipelineFile, overrides: &Overrides) -> Result<(PathBuf
 
 /// Folder beside the pipeline file that holds the workspaces of pipelines that name none.
 const WORKSPACES: &str = "workspaces";
+
+/// True for a name that stays below the folder that it is joined to.
+fn stays_inside(name: &str) -> bool {
+    let plain = |c: Component<'_>| matches!(c, Component::Normal(_) | Component::CurDir);
+    // a backslash separates folders on some systems only
+    Path::new(name).components().all(plain) && Path::new(&name.replace('\\', "/")).components().all(plain)
+}
 
 /// The workspace of a pipeline that names none: beside the pipeline file. Earlier versions put it
 /// into the current folder, where it is still found.

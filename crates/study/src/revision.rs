@@ -130,7 +130,7 @@ pub struct ReachedCoefficient {
 enum StoredCoefficient {
     Whole {
         name: String,
-        value: f64,
+        value: Option<f64>,
         se: Option<f64>,
         ci95: Option<[f64; 2]>,
         #[serde(default)]
@@ -138,7 +138,7 @@ enum StoredCoefficient {
         #[serde(default)]
         range: Option<String>,
     },
-    Earlier(String, f64, Option<f64>),
+    Earlier(String, Option<f64>, Option<f64>),
 }
 
 impl From<StoredCoefficient> for ReachedCoefficient {
@@ -147,7 +147,8 @@ impl From<StoredCoefficient> for ReachedCoefficient {
             StoredCoefficient::Whole { name, value, se, ci95, unit, range } => (name, value, se, ci95, unit, range),
             StoredCoefficient::Earlier(name, value, se) => (name, value, se, None, String::new(), None),
         };
-        Self { name, value, se: se.unwrap_or(f64::NAN), ci95, unit, range }
+        let [value, se] = [value, se].map(|x| x.unwrap_or(f64::NAN));
+        Self { name, value, se, ci95, unit, range }
     }
 }
 

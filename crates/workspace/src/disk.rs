@@ -1,66 +1,88 @@
-//! All changes on disk. Files are written completely and flushed to disk before they become
-//! visible; temporary names identify the process that owns them.
+//! All reading and all changes on disk. Files are written completely and flushed to disk before they
+//! become visible; temporary names identify the process that owns them.
 //!
-//! Every operation that changes a workspace goes through this module. Tests stop the process
-//! between any two of them: `ALOFT_STOP_BEFORE=n` ends it before the n-th operation, or with
-//! `ALOFT_STOP_TORN=1` in the middle of that operation if it writes a file.
+//! Every operation on a file goes through this module, whichever crate asks for it, so that tests
+//! can end the process between any two of them and make any of them fail ([`crate::fault`]).
 
 use crate::error::PipelineError;
+use crate::fault::{Extent, Operation, after_half, before};
+use crate::unfinished::{register, release};
 use std::fs::{File, TryLockError};
-use std::io::Write;
+use std::io::{Result as IoResult, Write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-/// Exit code of a process that a test stopped.
-const STOPPED: i32 = 86;
-
-/// Where a test stops the process: before which operation, and whether in the middle of it.
-fn stop_at() -> Option<(u64, bool)> {
-    static AT: OnceLock<Option<(u64, bool)>> = OnceLock::new();
-    *AT.get_or_init(|| {
-        let at = std::env::var("ALOFT_STOP_BEFORE").ok()?.parse().ok()?;
-        Some((at, std::env::var("ALOFT_STOP_TORN").is_ok_and(|v| v == "1")))
-    })
-}
-
-/// Counts an operation; true if it is to be interrupted in the middle.
-fn torn() -> bool {
-    static DONE: AtomicU64 = AtomicU64::new(0);
-    let Some((at, torn)) = stop_at() else { return false };
-    let this = DONE.fetch_add(1, Ordering::SeqCst) + 1;
-    if this >= at && !(torn && this == at) {
-        std::process::exit(STOPPED);
-    }
-    this == at
-}
-
-/// Counts an operation that another writer (a table, a page) carries out.
-pub fn step() {
-    if torn() {
-        std::process::exit(STOPPED);
+/// Begins a change that has no middle.
+pub(crate) fn change(action: &'static str, path: &Path) -> Result<(), PipelineError> {
+    match before(Operation::Change, action, path) {
+        Ok(Extent::Whole) => Ok(()),
+        Ok(Extent::Half) => Err(PipelineError::io(action, path)(after_half())),
+        Err(e) => Err(PipelineError::io(action, path)(e)),
     }
 }
 
-fn write_all(file: &mut File, bytes: &[u8], path: &Path) -> Result<(), PipelineError> {
-    let tear = torn();
-    let part = if tear { &bytes[..bytes.len() / 2] } else { bytes };
-    file.write_all(part).map_err(PipelineError::io("write", path))?;
-    if tear {
-        std::process::exit(STOPPED);
+fn write_all(file: &mut File, bytes: &[u8], path: &Path) -> IoResult<()> {
+    if before(Operation::Change, "write", path)? == Extent::Whole {
+        return file.write_all(bytes);
     }
-    Ok(())
+    file.write_all(&bytes[..bytes.len() / 2])?;
+    Err(after_half())
+}
+
+/// Reads a file.
+pub fn read(path: &Path) -> Result<Vec<u8>, PipelineError> {
+    before(Operation::Read, "read", path).and_then(|_| std::fs::read(path)).map_err(PipelineError::io("read", path))
+}
+
+/// True if a file or folder exists; an error if that cannot be told.
+pub fn is_there(path: &Path) -> Result<bool, PipelineError> {
+    match path.try_exists() {
+        Ok(there) => Ok(there),
+        // a file stands where a folder of the path would be
+        Err(e) if e.kind() == std::io::ErrorKind::NotADirectory => Ok(false),
+        Err(e) => Err(PipelineError::io("look for", path)(e)),
+    }
 }
 
 /// Writes a file that is not yet visible to readers.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
     let mut file = File::create(path).map_err(PipelineError::io("create", path))?;
-    write_all(&mut file, bytes, path)
+    write_all(&mut file, bytes, path).map_err(PipelineError::io("write", path))
+}
+
+/// A file that another writer (a table, a page) fills.
+#[derive(Debug)]
+pub struct Out {
+    file: File,
+    path: PathBuf,
+    begun: bool,
+}
+
+impl Write for Out {
+    fn write(&mut self, bytes: &[u8]) -> IoResult<usize> {
+        if !self.begun {
+            self.begun = true;
+            write_all(&mut self.file, bytes, &self.path)?;
+            return Ok(bytes.len());
+        }
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> IoResult<()> {
+        self.file.flush()
+    }
+}
+
+/// Creates a file for another writer, not yet visible to readers.
+pub fn create(path: &Path) -> Result<std::io::BufWriter<Out>, PipelineError> {
+    let file = File::create(path).map_err(PipelineError::io("create", path))?;
+    Ok(std::io::BufWriter::new(Out { file, path: path.to_path_buf(), begun: false }))
 }
 
 /// Renames a file or folder.
 pub fn rename(from: &Path, to: &Path) -> Result<(), PipelineError> {
-    step();
+    change("move", from)?;
     std::fs::rename(from, to).map_err(PipelineError::io("move", from))
 }
 
@@ -69,18 +91,49 @@ pub fn create_dir_all(path: &Path) -> Result<(), PipelineError> {
     if path.is_dir() {
         return Ok(());
     }
-    step();
+    change("create", path)?;
     std::fs::create_dir_all(path).map_err(PipelineError::io("create", path))
 }
 
 /// Removes a folder with its contents.
 pub fn remove_dir_all(path: &Path) -> Result<(), PipelineError> {
-    step();
+    change("clear", path)?;
     std::fs::remove_dir_all(path).map_err(PipelineError::io("clear", path))
+}
+
+/// Removes a file.
+pub fn remove_file(path: &Path) -> Result<(), PipelineError> {
+    change("remove", path)?;
+    std::fs::remove_file(path).map_err(PipelineError::io("remove", path))
+}
+
+/// Copies a file.
+pub fn copy(from: &Path, to: &Path) -> Result<(), PipelineError> {
+    change("copy to", to)?;
+    std::fs::copy(from, to).map(|_| ()).map_err(PipelineError::io("copy to", to))
+}
+
+/// Gives a file a second name, or copies it where the file system has no links.
+pub fn link(from: &Path, to: &Path) -> Result<(), PipelineError> {
+    change("link", to)?;
+    std::fs::hard_link(from, to).or_else(|_| std::fs::copy(from, to).map(|_| ())).map_err(PipelineError::io("link", to))
+}
+
+/// Opens a file to be locked, and creates it if it is not there.
+pub fn open_to_lock(path: &Path) -> Result<File, PipelineError> {
+    change("open", path)?;
+    File::options()
+        .create(true)
+        .truncate(false)
+        .read(true)
+        .write(true)
+        .open(path)
+        .map_err(PipelineError::io("open", path))
 }
 
 /// Waits until a file's content is on the disk.
 pub fn sync(path: &Path) -> Result<(), PipelineError> {
+    change("write to the disk", path)?;
     File::open(path).and_then(|f| f.sync_all()).map_err(PipelineError::io("write to the disk", path))
 }
 
@@ -143,7 +196,7 @@ impl Owned {
         loop {
             let token = token();
             let path = named(&token);
-            step();
+            change("create", &path)?;
             let file = File::options()
                 .create_new(true)
                 .read(true)
@@ -195,6 +248,7 @@ impl Temporary {
     pub fn beside(target: &Path) -> Result<Self, PipelineError> {
         let name = target.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let (own, _) = Owned::create(|token| target.with_file_name(format!(".{name}.{token}{NEW}")))?;
+        register(&own.path);
         Ok(Self { own, target: target.to_path_buf(), placed: false })
     }
 
@@ -203,11 +257,41 @@ impl Temporary {
         &self.own.path
     }
 
+    /// Writes its whole content.
+    pub(crate) fn fill(&mut self, bytes: &[u8]) -> Result<(), PipelineError> {
+        write_all(&mut self.own.file, bytes, &self.target).map_err(PipelineError::io("write", &self.target))
+    }
+
+    fn flush(&self) -> Result<(), PipelineError> {
+        change("write to the disk", &self.own.path)?;
+        self.own.file.sync_all().map_err(PipelineError::io("write to the disk", &self.own.path))
+    }
+
     /// Renames it to its final name once its content is on the disk.
     pub fn place(mut self) -> Result<(), PipelineError> {
-        self.own.file.sync_all().map_err(PipelineError::io("write to the disk", &self.own.path))?;
+        self.flush()?;
         rename(&self.own.path, &self.target)?;
         self.placed = true;
+        let folder = self.target.parent().filter(|p| !p.as_os_str().is_empty());
+        folder.map_or(Ok(()), sync_folder)
+    }
+
+    /// The same, and nothing is replaced: its final name is given to it as a second name, which
+    /// fails if the name is taken. Where the file system has no second names, a file that appears
+    /// between this and an earlier look is replaced.
+    pub(crate) fn place_new(mut self) -> Result<(), PipelineError> {
+        self.flush()?;
+        change("move", &self.own.path)?;
+        match std::fs::hard_link(&self.own.path, &self.target) {
+            Ok(()) => {}
+            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {
+                return Err(PipelineError::io("create", &self.target)(e));
+            }
+            Err(_) => {
+                rename(&self.own.path, &self.target)?;
+                self.placed = true;
+            }
+        }
         let folder = self.target.parent().filter(|p| !p.as_os_str().is_empty());
         folder.map_or(Ok(()), sync_folder)
     }
@@ -215,6 +299,7 @@ impl Temporary {
 
 impl Drop for Temporary {
     fn drop(&mut self) {
+        release(&self.own.path);
         if !self.placed {
             let _ = std::fs::remove_file(&self.own.path);
         }
@@ -229,7 +314,7 @@ pub(crate) fn is_temporary(name: &str) -> bool {
 /// Writes a file completely or not at all: next to its final place, flushed to disk, then renamed.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
     let mut new = Temporary::beside(path)?;
-    write_all(&mut new.own.file, bytes, path)?;
+    new.fill(bytes)?;
     new.place()
 }
 

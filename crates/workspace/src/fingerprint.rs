@@ -1,6 +1,7 @@
 //! Hashes of recordings. A recording is read again only if the file system indicates that it may
 //! have changed.
 
+use crate::disk;
 use crate::error::PipelineError;
 use crate::seal;
 use serde::{Deserialize, Serialize};
@@ -100,7 +101,7 @@ impl InputHashes {
         {
             return Ok(stamp.hash.clone());
         }
-        let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
+        let bytes = disk::read(path)?;
         let hash = blake3::hash(&bytes).to_hex().to_string();
         if let (Ok(mut known), Some(identity)) = (self.known.lock(), before) {
             let settled = identity.is_settled();

@@ -7,6 +7,7 @@
 pub mod artifact;
 pub mod disk;
 pub mod error;
+mod fault;
 mod fingerprint;
 pub mod format;
 pub mod json;
@@ -19,5 +20,8 @@ pub mod qc;
 pub mod seal;
 pub mod sharing;
 pub mod table;
+pub mod theirs;
+mod undefined;
+pub mod unfinished;
 pub mod warning;
 pub mod workspace;

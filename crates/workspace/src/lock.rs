@@ -88,13 +88,7 @@ impl Workspace {
             disk::write_whole(&marker, marker_text().as_bytes())?;
         }
         let path = self.root().join(".lock");
-        let file = File::options()
-            .create(true)
-            .truncate(false)
-            .read(true)
-            .write(true)
-            .open(&path)
-            .map_err(PipelineError::io("open", &path))?;
+        let file = disk::open_to_lock(&path)?;
         let note = self.root().join(".holder.json");
         let started = Instant::now();
         loop {

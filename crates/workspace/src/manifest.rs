@@ -1,6 +1,7 @@
 //! What a result was made from: the manifest beside its tables, what differs from what there is
 //! now, and whether the files are those that it lists.
 
+use crate::disk;
 use crate::error::{PipelineError, StageFailure};
 use crate::seal;
 use crate::warning::StageWarning;
@@ -206,7 +207,7 @@ pub(crate) fn stamps(folder: &Path) -> Result<BTreeMap<String, FileStamp>, Pipel
     let mut all = BTreeMap::new();
     for entry in std::fs::read_dir(folder).map_err(PipelineError::io("list", folder))? {
         let path = entry.map_err(PipelineError::io("list", folder))?.path();
-        let bytes = std::fs::read(&path).map_err(PipelineError::io("read", &path))?;
+        let bytes = disk::read(&path)?;
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         all.insert(name, FileStamp::of(&bytes));
     }

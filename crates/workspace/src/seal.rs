@@ -5,6 +5,7 @@
 
 use crate::disk;
 use crate::error::PipelineError;
+use crate::json::from_slice;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::path::Path;
@@ -63,15 +64,15 @@ pub fn write_whole<T: Serialize>(path: &Path, value: &T) -> Result<(), PipelineE
 /// # Errors
 /// The file cannot be read, or it differs from what was written ([`PipelineError::Damaged`]).
 pub fn read<T: DeserializeOwned>(path: &Path) -> Result<T, PipelineError> {
-    let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
+    let bytes = disk::read(path)?;
     let damaged = |problem: String| PipelineError::Damaged { path: path.to_path_buf(), problem };
     let body = unsealed(&bytes).map_err(damaged)?;
-    serde_json::from_str(&body).map_err(|e| damaged(e.to_string()))
+    from_slice(body.as_bytes()).map_err(|e| damaged(e.to_string()))
 }
 
 /// Reads sealed JSON if the file exists.
 pub fn read_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, PipelineError> {
-    if path.exists() { read(path).map(Some) } else { Ok(None) }
+    if disk::is_there(path)? { read(path).map(Some) } else { Ok(None) }
 }
 
 #[cfg(test)]

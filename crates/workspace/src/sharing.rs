@@ -6,10 +6,10 @@
 //! operating system (`flock`): they are released when the process ends, and work across machines if
 //! the file system supports that.
 
+use crate::disk;
 use crate::error::PipelineError;
 use crate::workspace::Workspace;
 use std::fs::{File, TryLockError};
-use std::path::Path;
 
 /// Lock held jointly by several runs; released when dropped.
 #[derive(Debug)]
@@ -21,16 +21,6 @@ pub struct SharedLock {
 #[derive(Debug)]
 pub struct TaskLock {
     _file: File,
-}
-
-fn open(path: &Path) -> Result<File, PipelineError> {
-    File::options()
-        .create(true)
-        .truncate(false)
-        .read(true)
-        .write(true)
-        .open(path)
-        .map_err(PipelineError::io("open", path))
 }
 
 impl Workspace {
@@ -45,7 +35,7 @@ impl Workspace {
                 Err(e) => return Err(e),
             }
         }
-        let file = open(&path)?;
+        let file = disk::open_to_lock(&path)?;
         // the run that creates the workspace holds the lock only briefly
         for _ in 0..50 {
             match file.try_lock_shared() {
@@ -66,9 +56,9 @@ impl Workspace {
     /// Waits until no other process is making this result.
     pub fn lock_task(&self, stage: &str, trial: &str) -> Result<TaskLock, PipelineError> {
         let folder = self.root().join(".locks");
-        std::fs::create_dir_all(&folder).map_err(PipelineError::io("create", &folder))?;
+        disk::create_dir_all(&folder)?;
         let path = folder.join(format!("{stage}-{trial}"));
-        let file = open(&path)?;
+        let file = disk::open_to_lock(&path)?;
         file.lock().map_err(PipelineError::io("lock", &path))?;
         Ok(TaskLock { _file: file })
     }

@@ -1,10 +1,11 @@
 //! Tables of numbers on disk: Parquet through polars, written completely or not at all.
 
+use crate::disk;
 use crate::error::PipelineError;
 use aloft_export::parquet::{self, Compression};
 use polars::prelude::*;
 use std::collections::HashMap;
-use std::fs::File;
+use std::io::Write;
 use std::path::Path;
 
 /// A table of `f64` columns of equal length.
@@ -69,20 +70,20 @@ impl Table {
     /// Writes Parquet without compression (noise does not compress) and without statistics; a
     /// column with only a few different values gets a dictionary.
     pub fn write(&self, path: &Path) -> Result<(), PipelineError> {
-        crate::disk::step();
-        let file = File::create(path).map_err(PipelineError::io("create", path))?;
-        self.write_to(std::io::BufWriter::new(file))
-            .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
+        let mut file = disk::create(path)?;
+        self.write_to(&mut file)
+            .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })?;
+        file.flush().map_err(PipelineError::io("write", path))
     }
 
-    fn write_to(&self, file: impl std::io::Write) -> PolarsResult<()> {
+    fn write_to(&self, file: impl Write) -> PolarsResult<()> {
         parquet::write(&self.to_frame()?, file, Compression::None, |i| repeats(&self.columns[i]))
     }
 
     /// Reads Parquet; every column must be numeric.
     pub fn read(path: &Path) -> Result<Self, PipelineError> {
         let table_error = |e: PolarsError| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() };
-        let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
+        let bytes = disk::read(path)?;
         let frame = parquet::read(bytes).map_err(table_error)?;
         let mut table = Self::default();
         for column in frame.columns() {
@@ -99,14 +100,14 @@ impl Table {
 
 /// Reads a table as polars holds it, with columns of any kind: no value is converted.
 pub fn read_frame(path: &Path) -> Result<DataFrame, PipelineError> {
-    let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
+    let bytes = disk::read(path)?;
     parquet::read(bytes).map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
 }
 
 /// Reads Parquet of another program: every column of numbers or truth values; of points in time and
 /// durations seconds, a unit at the end of their name changed to `_s`. Other columns are left out.
 pub fn read_numbers(path: &Path) -> Result<Table, PipelineError> {
-    let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
+    let bytes = disk::read(path)?;
     let columns = parquet::read_numbers(&bytes)
         .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })?;
     let mut table = Table::default();
@@ -131,16 +132,17 @@ fn repeats(values: &[f64]) -> bool {
 
 /// Writes any frame as Parquet, uncompressed; text columns are written as dictionaries.
 pub fn write_frame(frame: &mut DataFrame, path: &Path) -> Result<(), PipelineError> {
-    let file = File::create(path).map_err(PipelineError::io("create", path))?;
+    let mut file = disk::create(path)?;
     let text: Vec<bool> = frame.columns().iter().map(|c| c.dtype().is_string()).collect();
-    parquet::write(frame, std::io::BufWriter::new(file), Compression::None, |i| text[i])
-        .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
+    parquet::write(frame, &mut file, Compression::None, |i| text[i])
+        .map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })?;
+    file.flush().map_err(PipelineError::io("write", path))
 }
 
 /// Writes any frame as CSV; missing values are empty fields.
 pub fn write_csv(frame: &mut DataFrame, path: &Path) -> Result<(), PipelineError> {
     let problem = |problem: String| PipelineError::Table { path: path.to_path_buf(), problem };
-    let mut writer = csv::Writer::from_path(path).map_err(|e| problem(e.to_string()))?;
+    let mut writer = csv::Writer::from_writer(disk::create(path)?);
     let columns = frame.columns();
     writer.write_record(columns.iter().map(|c| c.name().as_str())).map_err(|e| problem(e.to_string()))?;
     for row in 0..frame.height() {

@@ -6,6 +6,7 @@ use crate::error::PipelineError;
 use crate::fingerprint::InputHashes;
 use crate::manifest::{MANIFEST, Manifest, examine, hash_of, stamps};
 use crate::seal;
+use crate::unfinished;
 use std::collections::{BTreeSet, HashMap};
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
@@ -70,6 +71,10 @@ impl Workspace {
                 }
             }
         }
+        // copies on which models were tried stand beside the workspace or inside
+        unfinished::clear_abandoned(&self.root);
+        let beside = self.root.parent().filter(|p| !p.as_os_str().is_empty());
+        unfinished::clear_abandoned(beside.unwrap_or(Path::new(".")));
         let scratch = self.root.join(SCRATCH);
         let entries: Vec<PathBuf> =
             std::fs::read_dir(&scratch).into_iter().flatten().flatten().map(|e| e.path()).collect();

@@ -7,8 +7,10 @@
 
 use super::Exported;
 use aloft_export::OutFile;
+use aloft_workspace::disk;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::{read_json, write_json};
+use aloft_workspace::json::{read_json, read_json_if_there, write_json};
+use aloft_workspace::unfinished::Unfinished;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
@@ -45,11 +47,40 @@ struct Manifest {
     before: BTreeMap<String, String>,
 }
 
+/// The list of the files of an export.
+pub(super) struct Listed(Manifest);
+
+impl Listed {
+    /// Reads the list; none if the folder holds no export.
+    pub fn read(root: &Path) -> Result<Option<Self>, PipelineError> {
+        Ok(read_json_if_there(&root.join(MANIFEST))?.map(Self))
+    }
+
+    /// True if the files were made from results of this hash.
+    pub fn is_from(&self, state: &str) -> bool {
+        self.0.results == state
+    }
+
+    /// Files that are missing, or whose content is not what was written.
+    pub fn changed(&self, root: &Path) -> Result<Vec<String>, PipelineError> {
+        let mut out = Vec::new();
+        for (path, entry) in &self.0.files {
+            let place = root.join(path);
+            let as_written =
+                disk::is_there(&place)? && blake3::hash(&disk::read(&place)?).to_hex().as_str() == entry.blake3;
+            if !as_written {
+                out.push(path.clone());
+            }
+        }
+        Ok(out)
+    }
+}
+
 /// A checked export folder, with a temporary folder next to it for new files.
 #[derive(Debug)]
 pub(super) struct Folder {
     root: PathBuf,
-    scratch: tempfile::TempDir,
+    scratch: Unfinished,
     manifest: Manifest,
     state: String,
 }
@@ -76,11 +107,8 @@ impl Folder {
         };
         let absolute = std::path::absolute(root).map_err(PipelineError::io("find", root))?;
         let parent = absolute.parent().unwrap_or(&absolute).to_path_buf();
-        fs::create_dir_all(&parent).map_err(PipelineError::io("create", &parent))?;
-        let scratch = tempfile::Builder::new()
-            .prefix(".aloft-export-")
-            .tempdir_in(&parent)
-            .map_err(PipelineError::io("create a folder in", &parent))?;
+        disk::create_dir_all(&parent)?;
+        let scratch = Unfinished::new_in(&parent)?;
         let folder = Self { root: absolute, scratch, manifest, state: state.to_owned() };
         folder.refuse_changed()?;
         Ok(folder)
@@ -91,7 +119,7 @@ impl Folder {
         if !place.is_file() {
             return Ok(None);
         }
-        let bytes = fs::read(&place).map_err(PipelineError::io("read", &place))?;
+        let bytes = disk::read(&place)?;
         Ok(Some(blake3::hash(&bytes).to_hex().to_string()))
     }
 
@@ -137,9 +165,9 @@ impl Folder {
         for file in files {
             let place = self.scratch.path().join(&file.path);
             if let Some(parent) = place.parent() {
-                fs::create_dir_all(parent).map_err(PipelineError::io("create", parent))?;
+                disk::create_dir_all(parent)?;
             }
-            fs::write(&place, &file.bytes).map_err(PipelineError::io("write", &place))?;
+            disk::write(&place, &file.bytes)?;
             let hash = blake3::hash(&file.bytes).to_hex().to_string();
             kept.push(Kept { path: file.path, what: file.what, hash });
         }
@@ -191,8 +219,7 @@ impl Folder {
         if !self.root.is_dir() {
             // the folder does not exist yet: one rename makes the whole export appear
             write_json(&self.scratch.path().join(MANIFEST), &next)?;
-            let scratch = self.scratch.keep();
-            return fs::rename(&scratch, &self.root).map_err(PipelineError::io("move", scratch));
+            return self.scratch.place(&self.root);
         }
         for path in &gone {
             if let Some(hash) = self.hash_of(path)? {
@@ -204,14 +231,14 @@ impl Folder {
         for path in to_move {
             let place = self.root.join(path);
             if let Some(parent) = place.parent() {
-                fs::create_dir_all(parent).map_err(PipelineError::io("create", parent))?;
+                disk::create_dir_all(parent)?;
             }
-            fs::rename(self.scratch.path().join(path), &place).map_err(PipelineError::io("move", &place))?;
+            disk::rename(&self.scratch.path().join(path), &place)?;
         }
         for path in &gone {
             let place = self.root.join(path);
             if place.is_file() {
-                fs::remove_file(&place).map_err(PipelineError::io("remove", &place))?;
+                disk::remove_file(&place)?;
                 done.removed += 1;
             }
             next.files.remove(path);
@@ -224,7 +251,7 @@ impl Folder {
         let new = self.scratch.path().join(MANIFEST);
         write_json(&new, manifest)?;
         let place = self.root.join(MANIFEST);
-        fs::rename(&new, &place).map_err(PipelineError::io("move", &place))
+        disk::rename(&new, &place)
     }
 }
 

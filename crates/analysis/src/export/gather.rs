@@ -1,6 +1,6 @@
 //! Converts the results in a workspace into the input of the export formats.
 
-use crate::compare::compare;
+use crate::compare::compare_if_made;
 use crate::parameters::parameters;
 use aloft_body::{LinkInertia, Subject};
 use aloft_compare::{Grade, measured_wrench};
@@ -148,7 +148,10 @@ fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, V
     if found.parameters.links.len() != subject.model.n_links() {
         return prior("the identification gave base parameters but no links".to_owned());
     }
-    let errors = compare(session).map(|view| view.errors).unwrap_or_default();
+    let errors = match compare_if_made(session) {
+        Ok(view) => view.map(|v| v.errors).unwrap_or_default(),
+        Err(e) => return prior(format!("the comparison cannot be read: {e}")),
+    };
     let in_flight = errors.iter().find(|e| e.judged_on == "flight");
     if let Some((own_n, tables_n)) = in_flight.and_then(|e| Some((e.held_out_error, e.tables_error?)))
         && own_n >= tables_n
@@ -273,18 +276,14 @@ pub(super) fn trial_remarks(subject: &SubjectExport, trial: &TrialExport) -> Vec
 }
 
 /// Hash of everything that the exported files are made from.
-pub(super) fn state(
-    session: &SubjectSession,
-    ws: &Workspace,
-    subject: &SubjectExport,
-) -> Result<String, PipelineError> {
+pub(super) fn state(session: &SubjectSession, ws: &Workspace, convention: Convention) -> Result<String, PipelineError> {
     let mut hasher = blake3::Hasher::new();
     let mut add = |text: &str| {
         hasher.update(&(text.len() as u64).to_le_bytes());
         hasher.update(text.as_bytes());
     };
     add(&program());
-    add(subject.coordinates.convention.word());
+    add(convention.word());
     add(&session.config_text);
     for stage in STAGES {
         for task in stage.tasks(session) {

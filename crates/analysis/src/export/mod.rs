@@ -5,6 +5,7 @@ mod folder;
 mod gather;
 
 use crate::freshness::{Freshness, freshness};
+use crate::outputs::Look;
 use crate::status::status;
 use aloft_export::readme::{Making, readme};
 use aloft_export::{Convention, Format, InertiaSource, OutFile, SubjectExport, names};
@@ -80,8 +81,8 @@ pub fn export(now: &SubjectSession, options: &ExportOptions) -> Result<Exported,
     let convention = convention_of(options.angles.unwrap_or(session.config.export.angles));
     let subject = gather::subject(session, &ws, convention)?;
     let entries = gather::entries(session, &options.trials)?;
-    let target = options.to.clone().unwrap_or_else(|| session.workspace.join("export"));
-    let state = gather::state(session, &ws, &subject)?;
+    let target = options.to.clone().unwrap_or_else(|| session.workspace.join(FOLDER));
+    let state = gather::state(session, &ws, convention)?;
     let folder = Folder::prepare(&target, &state)?;
 
     let mut done = Exported { folder: target, remarks: remarks(now, &freshness)?, ..Exported::default() };
@@ -107,6 +108,30 @@ pub fn export(now: &SubjectSession, options: &ExportOptions) -> Result<Exported,
     let partial = !options.formats.is_empty() || !options.trials.is_empty();
     folder.commit(files, partial, &mut done)?;
     Ok(done)
+}
+
+/// Name of the folder of an export in its workspace.
+pub const FOLDER: &str = "export";
+
+/// Why the export in a workspace is not what an export would give now, in words; none without one.
+///
+/// # Errors
+/// The list of its files cannot be read.
+pub(crate) fn not_current(now: &SubjectSession, look: Look) -> Result<Option<(&'static str, String)>, PipelineError> {
+    let root = now.workspace.join(FOLDER);
+    let Some(files) = folder::Listed::read(&root)? else { return Ok(None) };
+    let session = &aloft_pipeline::made::as_made(now);
+    let ws = Workspace::open(&session.workspace);
+    // the list does not state the convention of angles: each of them is current
+    let mut states = Vec::new();
+    for convention in [Convention::Model, Convention::Isb] {
+        states.push(gather::state(session, &ws, convention)?);
+    }
+    if !states.iter().any(|s| files.is_from(s)) {
+        return Ok(Some(("stale", "the results or the pipeline have changed since it was written".to_owned())));
+    }
+    let changed = if look == Look::Whole { files.changed(&root)? } else { Vec::new() };
+    Ok((!changed.is_empty()).then(|| ("damaged", format!("not as they were written: {}", changed.join(", ")))))
 }
 
 /// Export folder of one subject or session below that of the whole study.

@@ -524,11 +524,5 @@ pub fn to_yaml(draft: &Draft) -> String {
 /// # Errors
 /// The file is there already, or cannot be written.
 pub fn write_new(file: &Path, text: &str) -> Result<(), PipelineError> {
-    if file.exists() {
-        return Err(PipelineError::request_hint(
-            format!("{} is there already", file.display()),
-            "give another name with --out; nothing is overwritten",
-        ));
-    }
-    aloft_workspace::disk::write_whole(file, text.as_bytes())
+    aloft_workspace::theirs::write_new(file, text.as_bytes())
 }

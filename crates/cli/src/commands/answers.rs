@@ -12,6 +12,7 @@ use aloft_discover::Told;
 use aloft_study::config::Rows;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
+use std::cell::Cell;
 
 impl From<RowsArg> for Rows {
     fn from(rows: RowsArg) -> Self {
@@ -90,11 +91,32 @@ pub fn discover(args: DiscoverArgs) -> Result<Success, Stop> {
             Told::SoFar(words) => bar.aside(|| note(format!("{}so far: {words}", whose(session)))),
         })
     };
+    let incomplete = Cell::new(false);
+    let ask = |session: &SubjectSession| {
+        let found = ask(session)?;
+        for what in &found.not_computed {
+            note(format!("{}could not be computed: {what}", whose(session)));
+        }
+        if !found.not_computed.is_empty() {
+            note(format!(
+                "{}this answer is not whole (the ranking's estimates stand there) and was not stored",
+                whose(session)
+            ));
+        } else if let Some(why) = &found.not_stored {
+            note(format!(
+                "{}the answer could not be stored, so that `effect add` does not find it: {why}",
+                whose(session)
+            ));
+        }
+        incomplete.set(incomplete.get() || !found.is_kept());
+        Ok(found)
+    };
     let show = |session: &SubjectSession, current: bool, found: &discover::DiscoveryView| {
         findings::discovery(found, details)?;
-        findings::next(found, session, current, &pipeline)
+        if found.is_kept() { findings::next(found, session, current, &pipeline) } else { Ok(()) }
     };
-    each_step(&pipeline, strict, json, &[], ask, show)
+    let done = each_step(&pipeline, strict, json, &[], ask, show)?;
+    Ok(if incomplete.get() { Success::Partial } else { done })
 }
 
 /// Shows the ladder of model revisions.

@@ -4,15 +4,16 @@ use crate::Success;
 use crate::args::{EffectAction, PipelineArgs};
 use crate::each::{broken, heading};
 use crate::markdown::markdown;
-use crate::open::open_all;
+use crate::open::{description_of, open_all};
 use crate::progress::Bars;
 use crate::render::{command, json, note, out};
 use crate::stop::Stop;
 use crate::{findings, ladder, next, run_end};
 use aloft_analysis::next_step::{NextStep, next_step};
-use aloft_analysis::{compare, effect};
+use aloft_analysis::{compare, effect, outputs, summary};
 use aloft_pipeline::runner::RunReport;
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::disk;
 use aloft_workspace::error::PipelineError;
 use std::path::Path;
 
@@ -89,6 +90,11 @@ fn change_effects(
         trouble |= report.has_trouble();
         let now = session.refreshed()?;
         steps.push((&session.id, compare::compare(&now).map_or(NextStep::Run, |view| next_step(&now, &view, true))));
+    }
+    // the tables of the study say what its results say
+    let now = open_all(args)?;
+    if disk::is_there(&now.workspace.join(outputs::SUMMARY[0]))? {
+        summary::summary(&now, &description_of(args))?.write(&now)?;
     }
     match steps.as_slice() {
         [(_, NextStep::Advised(advice))] => note(format!("advice: {advice}")),

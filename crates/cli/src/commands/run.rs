@@ -44,7 +44,7 @@ pub fn run(args: RunArgs) -> Result<Success, Stop> {
     // done
     let summary = if selection.shared { None } else { Some(summary::summary(&set, &description_of(args))?) };
     if let Some(summary) = &summary {
-        summary.write(&set.workspace)?;
+        summary.write(&set)?;
     }
     if nothing {
         let first = done.runs.into_iter().next().map(|r| r.report);

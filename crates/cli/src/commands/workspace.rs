@@ -2,12 +2,13 @@
 
 use crate::args::{PipelineArgs, StrictArgs};
 use crate::each::{each, notice};
-use crate::open::{description_of, open_all};
+use crate::open::{description_of, open_all, overrides};
 use crate::render::{json, out};
 use crate::stop::Stop;
 use crate::{Success, show as tables, show_workspace};
-use aloft_analysis::freshness::freshness;
-use aloft_analysis::{status, summary, verify};
+use aloft_analysis::freshness::{NotCurrent, freshness};
+use aloft_analysis::outputs::{self, Look};
+use aloft_analysis::{forget, status, summary, verify};
 use aloft_study::subject_session::SubjectSession;
 use std::cell::Cell;
 
@@ -15,10 +16,13 @@ use std::cell::Cell;
 pub fn status(args: &PipelineArgs, strict: StrictArgs, as_json: bool) -> Result<Success, Stop> {
     let late = Cell::new(false);
     let ask = |session: &SubjectSession| {
-        late.set(late.get() || !freshness(session)?.is_current());
-        status::status(session)
+        let found = status::status(session)?;
+        late.set(late.get() || !found.files.is_empty() || !freshness(session)?.is_current());
+        Ok(found)
     };
-    Ok(strict.judge(each(args, as_json, ask, show_workspace::status)?, late.get()))
+    let done = each(args, as_json, ask, show_workspace::status)?;
+    let files = files_of_study(args, Look::Quick)?;
+    Ok(strict.judge(done, late.get() || !files.is_empty()))
 }
 
 /// Compares files with their hashes.
@@ -31,7 +35,33 @@ pub fn verify(args: &PipelineArgs, strict: StrictArgs, as_json: bool) -> Result<
         Ok(found)
     };
     let done = each(args, as_json, ask, show_workspace::verified)?;
+    for file in files_of_study(args, Look::Whole)? {
+        damaged.set(damaged.get() || file.state == "damaged");
+        late.set(true);
+    }
     Ok(if damaged.get() { Success::Partial } else { strict.judge(done, late.get()) })
+}
+
+/// Files of a whole study of several that are not what its results give now; each is named.
+fn files_of_study(args: &PipelineArgs, look: Look) -> Result<Vec<NotCurrent>, Stop> {
+    // what was made of all of them is not compared with some
+    if !args.subject.is_empty() || !args.session.is_empty() {
+        return Ok(Vec::new());
+    }
+    let files = outputs::of_set(&open_all(args)?, look)?;
+    files.iter().for_each(show_workspace::file);
+    Ok(files)
+}
+
+/// Removes what the workspace holds about one subject.
+pub fn forget(args: &PipelineArgs, name: &str, only_list: bool, as_json: bool) -> Result<Success, Stop> {
+    let found = forget::forget(&args.pipeline, &overrides(args), name, only_list)?;
+    if as_json {
+        json(&found)?
+    } else {
+        show_workspace::forgotten(&found)?
+    }
+    Ok(Success::Full)
 }
 
 /// Shows one row a trial.

@@ -16,7 +16,7 @@ use aloft_study::osim::OsimSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::trial_length;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::json::{read_json, write_json};
+use aloft_workspace::json::{from_value, read_json, write_json};
 use aloft_workspace::manifest::WHOLE_STUDY;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -97,8 +97,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     }
     let folder = inputs.results.place("scale", WHOLE_STUDY)?;
     let report: serde_json::Value = read_json(&folder.join("report.json"))?;
-    let joints: Vec<JointUncertainty> = serde_json::from_value(report["joints"].clone())
-        .map_err(|e| StageFailure::new(format!("scale/report.json: {e}")))?;
+    let joints: Vec<JointUncertainty> =
+        from_value(report["joints"].clone()).map_err(|e| StageFailure::new(format!("scale/report.json: {e}")))?;
     let options = CalibrateOptions {
         frames: config.frames,
         joint_sd_m: joints.iter().map(|j| (j.link.clone(), j.centre_sd_m)).collect(),

@@ -156,7 +156,7 @@ impl ComparedTrial {
             _ => None,
         };
         let tares = results.load_tares(name)?;
-        let zero = Zero::of(name, &tares, others);
+        let zero = Zero::of(name, &tares, others)?;
         let (untared, offset_range) = (measured.is_some() && zero.unknown, zero.range);
         Ok(Self {
             name: name.to_owned(),
