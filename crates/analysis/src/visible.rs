@@ -54,7 +54,7 @@ pub fn refuse_invisible(
     if factors.is_empty() {
         return Ok(());
     }
-    let has_prior = matches!(own_estimator, Estimator::Regularised { .. });
+    let has_prior = matches!(own_estimator, Estimator::Regularised { .. } | Estimator::NoiseMetric);
     let visible = Visible::among(&factors, has_prior).map_err(|e| PipelineError::request(e.to_string()))?;
     let own: Vec<(&str, &Unseen)> = visible.unseen().filter(|(n, _)| names.iter().any(|own| own == n)).collect();
     let repeated = own.iter().find_map(|(name, why)| match why {

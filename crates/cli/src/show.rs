@@ -10,6 +10,9 @@ use aloft_analysis::wording::model_word;
 use aloft_compare::Signal;
 use aloft_study::quote::visible;
 
+/// Number of the smallest singular values that are printed in units of the noise.
+const SMALLEST_IN_NOISE: usize = 4;
+
 pub(crate) fn three(v: &[f64; 3]) -> String {
     v.iter().map(|x| significant(*x, 3)).collect::<Vec<_>>().join(" ")
 }
@@ -35,6 +38,16 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         significant(p.sigma.min, 4),
         significant(p.sigma.ratio, 3)
     ))?;
+    if let Some(units) = &p.noise_units {
+        let smallest: Vec<String> = units.sigma.iter().take(SMALLEST_IN_NOISE).map(|s| significant(*s, 3)).collect();
+        let left = match units.undetermined {
+            0 => "the motion determines every direction but the scale".to_owned(),
+            1 => "the motion leaves one direction to the tables".to_owned(),
+            n => format!("the motion leaves {n} directions to the tables"),
+        };
+        let residual = significant(units.residual, 3);
+        out(format!("in units of the noise: {} …, residual {residual}: {left}\n", smallest.join("  ")))?;
+    }
     let mut t = table(&["parameter", "value", "± 95 %", "tables", "unit", "seen", "regrouping"]).left(&[5]).wrapped(6);
     for b in &p.base {
         t.add_row([

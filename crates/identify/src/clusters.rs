@@ -100,6 +100,22 @@ struct ClusterRows {
     n_rows: usize,
 }
 
+/// What corrects the rows of clusters for their own noise ([`crate::noise_metric`]).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Correction<'a> {
+    /// q: the Gram of a cluster is `G_g − q S_g`.
+    pub excess: f64,
+    /// Projection of columns onto the directions that the rows determine, n × n.
+    pub determined: &'a DMatrix<f64>,
+}
+
+impl Correction<'_> {
+    /// The projected columns of a cluster's noise.
+    fn noise(&self, group: &Factor) -> Option<DMatrix<f64>> {
+        group.noise().map(|noise| noise.dense() * self.excess.sqrt() * self.determined)
+    }
+}
+
 impl Clusters {
     /// `merged` is the triangle of all groups; `weight` is the weight w of the prior in squared row
     /// units.
@@ -111,17 +127,36 @@ impl Clusters {
         weight: f64,
         solution: &DVector<f64>,
     ) -> Result<Self, IdentifyError> {
+        Self::corrected(groups, merged, mass_kg, prior, weight, solution, None)
+    }
+
+    /// The same for rows that are corrected for their noise: `merged` is the triangle of the
+    /// corrected rows, scores and Grams of the clusters are those of `G_g − q S_g`.
+    pub fn corrected(
+        groups: &[Factor],
+        merged: &Factor,
+        mass_kg: f64,
+        prior: Option<&Prior>,
+        weight: f64,
+        solution: &DVector<f64>,
+        correction: Option<Correction<'_>>,
+    ) -> Result<Self, IdentifyError> {
         let first = groups.first().ok_or(IdentifyError::TooFew { what: "clusters", needed: 1, found: 0 })?;
         let (p, k) = (first.n_parameters(), first.n_effects());
         let m = p - 1 + k;
         let estimate = solution.rows(1, m).into_owned();
-        let reduced: Vec<(DMatrix<f64>, DVector<f64>, usize)> = groups
+        let split = |dense: DMatrix<f64>| {
+            let a = dense.columns(1, m).into_owned();
+            let residual = &a * &estimate + dense.column(0) * mass_kg - dense.column(m + 1);
+            (a, residual)
+        };
+        let reduced: Vec<_> = groups
             .iter()
             .map(|g| {
                 let dense = g.dense();
-                let a = dense.columns(1, m).into_owned();
-                let residual = &a * &estimate + dense.column(0) * mass_kg - dense.column(m + 1);
-                (a, residual, g.n_rows)
+                let rows = split(correction.map_or_else(|| dense.clone(), |c| &dense * c.determined));
+                let noise = correction.and_then(|c| c.noise(g)).map(split);
+                (rows, noise, g.n_rows)
             })
             .collect();
         let prior_rows = match prior {
@@ -168,9 +203,15 @@ impl Clusters {
         });
         let rows: Vec<ClusterRows> = reduced
             .into_par_iter()
-            .map(|(a, residual, n_rows)| {
+            .map(|((a, residual), noise, n_rows)| {
                 let q = a * &inverse;
-                ClusterRows { gram: q.tr_mul(&q), score: q.tr_mul(&residual), q, residual, n_rows }
+                let (mut gram, mut score) = (q.tr_mul(&q), q.tr_mul(&residual));
+                if let Some((a, residual)) = noise {
+                    let q = a * &inverse;
+                    gram -= q.tr_mul(&q);
+                    score -= q.tr_mul(&residual);
+                }
+                ClusterRows { gram, score, q, residual, n_rows }
             })
             .collect();
         Ok(Self { estimate, inverse, triangle, clusters: rows, mass_kg })

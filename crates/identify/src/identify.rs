@@ -2,10 +2,11 @@
 //! a verdict.
 
 use crate::alike::alike;
-use crate::clusters::{Clusters, choose_weight, merge_groups};
+use crate::clusters::{Clusters, Correction, choose_weight, merge_groups};
 use crate::gate::{determination, judge};
 use crate::interval::{half_of, interval95};
 use crate::links::{LinkSd, gradient, link_with_sd};
+use crate::noise_metric::{InNoise, NoiseMetric};
 use crate::null_vector::sigma_of;
 use crate::parameters::LinkIntervals;
 use crate::system::System;
@@ -139,7 +140,7 @@ pub fn identify_with_slides(
     let visible = match options.estimator {
         Estimator::NullVector(_) => Visible::default(),
         Estimator::MassConstrained => Visible::among(factors, false)?,
-        Estimator::Regularised { .. } => Visible::among(factors, base_prior.is_some())?,
+        Estimator::Regularised { .. } | Estimator::NoiseMetric => Visible::among(factors, base_prior.is_some())?,
     };
     let reduced = visible.reduce_all(factors)?;
     let factors = reduced.as_slice();
@@ -152,7 +153,7 @@ pub fn identify_with_slides(
             (factors.iter().filter(|f| f.kind != StretchKind::Contact).cloned().collect(), None)
         }
         Estimator::MassConstrained => balanced(factors, mass_kg, None)?,
-        Estimator::Regularised { .. } => balanced(factors, mass_kg, base_prior.as_ref())?,
+        Estimator::Regularised { .. } | Estimator::NoiseMetric => balanced(factors, mass_kg, base_prior.as_ref())?,
     };
     let factors = factors.as_slice();
     let (groups, cluster_names) = options.cluster.groups(factors);
@@ -172,7 +173,17 @@ pub fn identify_with_slides(
         });
     }
     let clusters = merge_groups(factors, &groups)?;
+    let mut noise_units = None;
+    // rows that the estimate and the links use: all of them, or those corrected for their noise
+    let mut used = merged.clone();
     let fit = match options.estimator {
+        Estimator::NoiseMetric => {
+            let prepared = base_prior.as_ref().map(|p| p.prepared(mass_kg)).transpose()?;
+            let found = NoiseMetric::of(&merged)?.estimate(mass_kg, prepared.as_ref(), 1.0)?;
+            used = found.rows.clone();
+            noise_units = Some(found.units.clone());
+            Fit::in_noise_metric(&clusters, found, mass_kg, base_prior.as_ref(), options)?
+        }
         Estimator::NullVector(scaling) => Fit::null_vector(factors, &groups, &merged, mass_kg, scaling)?,
         Estimator::MassConstrained => {
             Fit::least_squares(&clusters, &merged, mass_kg, None, 0.0, Vec::new(), tissue.as_ref(), options)?
@@ -195,7 +206,7 @@ pub fn identify_with_slides(
     let sigma = flight_sigma(factors)?;
     let base_estimates = fit.base_estimates(base, base_prior.as_ref(), mass_kg);
     let links = match prior {
-        Some(prior) => fit.links(model, base, &merged, mass_kg, prior, options)?,
+        Some(prior) => fit.links(model, base, &used, mass_kg, prior, options)?,
         None => Vec::new(),
     };
     let named: Vec<(String, Determination)> =
@@ -231,6 +242,7 @@ pub fn identify_with_slides(
         effects,
         links,
         sigma,
+        noise_units,
         information,
         gate,
         n_stretches: factors.len(),
@@ -387,6 +399,47 @@ impl Fit {
             tried,
             deficient: solution.deficient,
             undetermined: system.undetermined(weight),
+            draws,
+        })
+    }
+
+    /// The estimate in the metric of the noise, with intervals from the spread of the clusters'
+    /// corrected scores.
+    fn in_noise_metric(
+        clusters: &[Factor],
+        found: InNoise,
+        mass_kg: f64,
+        prior: Option<&Prior>,
+        options: &IdentifyOptions,
+    ) -> Result<Self, IdentifyError> {
+        let lambda = if prior.is_some() { 1.0 } else { 0.0 };
+        let InNoise { rows, excess, determined, row_variance, system, solution, .. } = found;
+        let weight = lambda * row_variance;
+        let correction = Correction { excess, determined: &determined };
+        let resampled = Clusters::corrected(clusters, &rows, mass_kg, prior, weight, &solution.x, Some(correction))?;
+        let draws = if options.bootstrap > 0 && resampled.len() >= 2 {
+            resampled.bootstrap(options.bootstrap, options.seed)
+        } else {
+            Vec::new()
+        };
+        let effective = solution.effective_parameters;
+        let robust = solution.deficient == 0;
+        let (n, repeats) = (system.n_rows(), 1.0);
+        let uncertainty = Uncertainty::new(resampled, row_variance, n, effective, weight, repeats, robust, None);
+        let (covariance, freedom) = uncertainty.estimates();
+        Ok(Self {
+            n_parameters: rows.n_parameters(),
+            undetermined: system.undetermined(weight),
+            deficient: solution.deficient,
+            x: solution.x,
+            covariance,
+            freedom,
+            robust: uncertainty.is_robust(),
+            uncertainty: Some(uncertainty),
+            tissue: None,
+            row_sd: row_variance.sqrt(),
+            prior_weight: lambda,
+            tried: Vec::new(),
             draws,
         })
     }

@@ -8,6 +8,7 @@
 //! | estimator | what it minimises | when |
 //! |---|---|---|
 //! | [`Estimator::NullVector`] | the smallest singular vector, scaled by the mass (the paper) | flights, rich motion |
+//! | [`Estimator::NoiseMetric`] | the same in the metric of the rows' noise, the mass held | objects, robots |
 //! | [`Estimator::MassConstrained`] | squares of all rows with the mass held | flights, contact, effects |
 //! | [`Estimator::Regularised`] | the same, drawn to the prior as far as held-out flights allow | people, few flights |
 //!
@@ -29,6 +30,7 @@ pub mod information;
 pub mod interval;
 pub mod links;
 mod missing_number;
+pub mod noise_metric;
 pub mod null_vector;
 pub mod parameters;
 pub mod prior;
@@ -51,6 +53,7 @@ pub use identify::{IdentifyOptions, identify, identify_merged, identify_with_sli
 pub use information::Information;
 pub use interval::{half_of, half95, interval95, satterthwaite};
 pub use links::{ConsistentLinks, LinkOptions, LinkSd, consistent_links};
+pub use noise_metric::NoiseUnits;
 pub use null_vector::{ColumnScaling, NullVector, Sigma, null_vector};
 pub use parameters::{
     BaseEstimate, EffectEstimate, Estimator, Identification, LinkEstimate, LinkIntervals, LinkOrigin, Parameters,
@@ -90,7 +93,7 @@ pub fn point_estimate(
     estimator: Estimator,
 ) -> Result<DVector<f64>, IdentifyError> {
     let prepared = match (estimator, prior) {
-        (Estimator::Regularised { .. }, Some(prior)) => Some(prior.prepared(mass_kg)?),
+        (Estimator::Regularised { .. } | Estimator::NoiseMetric, Some(prior)) => Some(prior.prepared(mass_kg)?),
         _ => None,
     };
     point_estimate_prepared(merged, mass_kg, prepared.as_ref(), estimator)
@@ -109,6 +112,11 @@ pub fn point_estimate_prepared(
     match estimator {
         Estimator::NullVector(scaling) => Ok(null_vector(merged, mass_kg, scaling)?.parameters),
         Estimator::MassConstrained => mass_constrained(merged, mass_kg),
+        Estimator::NoiseMetric => {
+            let visible = Visible::of(merged, prior.is_some());
+            let metric = noise_metric::NoiseMetric::of(&visible.reduce(merged)?)?;
+            Ok(visible.whole(metric.estimate(mass_kg, prior, 1.0)?.solution.x))
+        }
         Estimator::Regularised { weight } => {
             let visible = Visible::of(merged, prior.is_some());
             let system = system::System::prepared(&visible.reduce(merged)?, mass_kg, prior)?;

@@ -7,6 +7,7 @@ use crate::gate::Gate;
 use crate::information::Information;
 use crate::links::LinkSd;
 use crate::missing_number::{nothing, nullable};
+use crate::noise_metric::NoiseUnits;
 use crate::{ColumnScaling, KindBalance, Sigma};
 use aloft_body::LinkInertia;
 use aloft_regressor::RowKind;
@@ -19,6 +20,9 @@ use serde::{Deserialize, Serialize};
 pub enum Estimator {
     /// Smallest singular vector, scaled by the body mass (the paper).
     NullVector(ColumnScaling),
+    /// The smallest vector in the metric of the rows' own noise, the mass held fixed; directions at
+    /// the level of the noise are left to the prior ([`mod@crate::noise_metric`]).
+    NoiseMetric,
     /// Least squares with the body mass held fixed.
     MassConstrained,
     /// Least squares with the body mass held fixed, regularised towards the prior.
@@ -35,6 +39,7 @@ impl Estimator {
     pub fn name(&self) -> &'static str {
         match self {
             Self::NullVector(_) => "null_vector",
+            Self::NoiseMetric => "noise_metric",
             Self::MassConstrained => "mass_constrained",
             Self::Regularised { .. } => "regularised",
         }
@@ -209,6 +214,9 @@ pub struct Parameters {
     pub links: Vec<LinkEstimate>,
     /// Singular values of the flights' parameter columns.
     pub sigma: Sigma,
+    /// The rows in units of their noise; none where that was not computed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_units: Option<NoiseUnits>,
     /// Information that motion added to the prior; none without a prior.
     #[serde(default)]
     pub information: Option<Information>,

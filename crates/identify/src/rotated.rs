@@ -59,7 +59,8 @@ impl RotatedRows {
         estimator: Estimator,
     ) -> Result<Option<Self>, IdentifyError> {
         let (prior, prior_weight) = match estimator {
-            Estimator::NullVector(_) => return Ok(None),
+            // no least squares in these rows
+            Estimator::NullVector(_) | Estimator::NoiseMetric => return Ok(None),
             Estimator::MassConstrained => (None, None),
             Estimator::Regularised { weight } => (prior, prior.map(|_| weight.unwrap_or(1.0))),
         };

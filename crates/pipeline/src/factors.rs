@@ -20,6 +20,15 @@ struct FactorHead {
     columns: Columns,
     n_rows: usize,
     n_values: usize,
+    /// The triangle of the errors of the rows, whose values follow; none where it is unknown.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    noise: Option<NoiseHead>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct NoiseHead {
+    n_rows: usize,
+    n_values: usize,
 }
 
 /// Writes `factors.json` and `factors.parquet`.
@@ -37,11 +46,13 @@ pub fn save_named(dir: &Path, name: &str, factors: &[(Stretch, Factor)]) -> Resu
             columns: f.columns.clone(),
             n_rows: f.n_rows,
             n_values: f.values().len(),
+            noise: f.noise().map(|noise| NoiseHead { n_rows: noise.n_rows, n_values: noise.values().len() }),
         })
         .collect();
     write_json(&dir.join(format!("{name}.json")), &heads)?;
     let mut table = Table::default();
-    table.push("value", factors.iter().flat_map(|(_, f)| f.values().iter().copied()).collect());
+    let noise = |f: &Factor| f.noise().map(|noise| noise.values().to_vec()).unwrap_or_default();
+    table.push("value", factors.iter().flat_map(|(_, f)| f.values().iter().copied().chain(noise(f))).collect());
     table.write(&dir.join(format!("{name}.parquet")))
 }
 
@@ -59,16 +70,21 @@ pub fn load_named(dir: &Path, name: &str) -> Result<Vec<(Stretch, Factor)>, Pipe
     }
     let path = dir.join(format!("{name}.parquet"));
     let values = Table::read(&path)?.into_columns().into_iter().next().map(|c| c.1).unwrap_or_default();
-    let mut at = 0;
+    let mut at = 0_usize;
     let mut out = Vec::new();
     for head in heads {
         let wrong = |problem: String| PipelineError::Table { path: path.clone(), problem };
-        let part = values
-            .get(at..at + head.n_values)
-            .ok_or_else(|| wrong("fewer values than factors.json says".to_owned()))?;
-        at += head.n_values;
-        let factor = Factor::from_values(&head.stretch, head.rows, head.columns, head.n_rows, part.to_vec())
-            .map_err(|e| wrong(e.to_string()))?;
+        let mut part = |n_rows: usize, n_values: usize| {
+            let part = at.checked_add(n_values).and_then(|end| values.get(at..end));
+            let part = part.ok_or_else(|| wrong("fewer values than factors.json says".to_owned()))?;
+            at += n_values;
+            Factor::from_values(&head.stretch, head.rows, head.columns.clone(), n_rows, part.to_vec())
+                .map_err(|e| wrong(e.to_string()))
+        };
+        let mut factor = part(head.n_rows, head.n_values)?;
+        if let Some(NoiseHead { n_rows, n_values }) = head.noise {
+            factor = factor.with_noise(part(n_rows, n_values)?).map_err(|e| wrong(e.to_string()))?;
+        }
         out.push((head.stretch, factor));
     }
     Ok(out)

@@ -58,6 +58,15 @@ pub fn contact_stretches(
 /// Unit wrenches of the model's effects in every frame of a trial; none for a model without
 /// effects.
 pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option<EffectColumns>, StageFailure> {
+    effect_columns_along(effects, rows, &rows.motion)
+}
+
+/// The same along another motion of the same frames, for example one with errors.
+pub fn effect_columns_along(
+    effects: &ModelEffects,
+    rows: &TrialRows,
+    motion: &Motion,
+) -> Result<Option<EffectColumns>, StageFailure> {
     if effects.model.is_empty() {
         return Ok(None);
     }
@@ -77,14 +86,13 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
         spans.push(Span { first_frame: s.first_frame, end_frame: s.end_frame, flight: true });
         at = s.end_frame;
     }
-    if everywhere && at < rows.motion.n_frames() {
-        spans.push(Span { first_frame: at, end_frame: rows.motion.n_frames(), flight: false });
+    if everywhere && at < motion.n_frames() {
+        spans.push(Span { first_frame: at, end_frame: motion.n_frames(), flight: false });
     }
-    let trial =
-        TrialMotion { motion: &rows.motion, spans: &spans, plates: &rows.plates, session_time_s: rows.session_time_s };
+    let trial = TrialMotion { motion, spans: &spans, plates: &rows.plates, session_time_s: rows.session_time_s };
     let base = BaseParameters::of(&rows.subject.model);
     let about = (effects.about.len() == base.len()).then_some((&base, effects.about.as_slice()));
-    let mut out = EffectColumns { wrench: vec![DMatrix::zeros(6, 0); rows.motion.n_frames()], ..EffectColumns::none() };
+    let mut out = EffectColumns { wrench: vec![DMatrix::zeros(6, 0); motion.n_frames()], ..EffectColumns::none() };
     // effects that refer to the same region share the series of the motion
     for group in effects.model.chunk_by(|a, b| a.volume_m == b.volume_m) {
         let mut scene = scene.clone();
@@ -95,7 +103,7 @@ pub fn effect_columns(effects: &ModelEffects, rows: &TrialRows) -> Result<Option
         // laws of joints exert nothing on the body as a whole
         let choices: Vec<_> = choices.into_iter().filter(|c| !c.effect.acts().in_joints()).collect();
         // effects that act only in other trials do not act here
-        let acts = |c: &EffectInstance<'_>| vec![c.acts_in(&rows.motion.trial); c.names(&scene).len()];
+        let acts = |c: &EffectInstance<'_>| vec![c.acts_in(&motion.trial); c.names(&scene).len()];
         let acting: Vec<bool> = choices.iter().flat_map(acts).collect();
         let of_tables = choices.iter().filter(|c| c.effect.about().of_tables && c.trials.is_empty());
         out.of_tables.extend(of_tables.flat_map(|c| c.names(&scene)));

@@ -7,6 +7,11 @@
 //! and never need the frames again. Factors of many flights stack: the R of stacked R's is the R of
 //! all rows. Diagonals are made non-negative, which makes R unique if the rows have full rank, for
 //! any order of merging.
+//!
+//! The rows are computed from measured motion, so the matrix has errors, not only the right-hand
+//! side. Beside R a factor therefore carries a second triangle T with `TᵀT = E[ΔAᵀΔA]`, the errors
+//! ΔA of `[Y | −E | w]` in the same weights ([`mod@crate::matrix_noise`]). It stacks, scales and
+//! picks columns like R.
 
 use crate::triangle::Triangle;
 use crate::{RegressorError, Stretch, StretchKind};
@@ -73,6 +78,9 @@ pub struct Factor {
     pub n_rows: usize,
     /// Packed row by row: row `i` holds the columns `i ..`.
     packed: Vec<f64>,
+    /// The triangle T of the errors of the rows, with the same columns; none where they were not
+    /// computed.
+    noise: Option<Box<Factor>>,
 }
 
 /// A factor read from a file, before its length is checked.
@@ -85,14 +93,20 @@ struct StoredFactor {
     columns: Columns,
     n_rows: usize,
     packed: Vec<f64>,
+    #[serde(default)]
+    noise: Option<Box<Factor>>,
 }
 
 impl TryFrom<StoredFactor> for Factor {
     type Error = RegressorError;
     fn try_from(stored: StoredFactor) -> Result<Self, RegressorError> {
-        let StoredFactor { trial, stretch: index, kind, rows, columns, n_rows, packed } = stored;
+        let StoredFactor { trial, stretch: index, kind, rows, columns, n_rows, packed, noise } = stored;
         let stretch = Stretch { trial, index, kind, first_frame: 0, end_frame: 0 };
-        Self::from_values(&stretch, rows, columns, n_rows, packed)
+        let factor = Self::from_values(&stretch, rows, columns, n_rows, packed)?;
+        match noise {
+            Some(noise) => factor.with_noise(*noise),
+            None => Ok(factor),
+        }
     }
 }
 
@@ -124,6 +138,7 @@ impl Factor {
             columns,
             n_rows: matrix.nrows(),
             packed: Vec::new(),
+            noise: None,
         };
         factor.packed = packed_triangle(matrix);
         if factor.packed.iter().any(|x| !x.is_finite()) {
@@ -134,6 +149,27 @@ impl Factor {
             });
         }
         Ok(factor)
+    }
+
+    /// As many rows with the same names and columns whose Gram is that of `matrix`, without their
+    /// noise: what a correction leaves of this factor.
+    ///
+    /// # Errors
+    /// As [`Factor::from_rows`]; [`RegressorError::Length`] for more rows of `matrix` than this factor
+    /// holds.
+    pub fn corrected(&self, matrix: MatRef<'_, f64>) -> Result<Self, RegressorError> {
+        if matrix.nrows() > self.height() {
+            return Err(RegressorError::Length {
+                trial: self.trial.clone(),
+                what: "rows of a corrected factor",
+                expected: self.height(),
+                found: matrix.nrows(),
+            });
+        }
+        let padded =
+            Mat::from_fn(self.height(), matrix.ncols(), |i, j| if i < matrix.nrows() { matrix[(i, j)] } else { 0.0 });
+        let same = Self::from_rows(&self.as_stretch(), self.rows, self.columns.clone(), padded.as_ref())?;
+        Ok(Self { n_rows: self.n_rows, ..same })
     }
 
     /// A factor from its parts, as stored by a cache: `values` is the result of [`Factor::values`].
@@ -159,7 +195,23 @@ impl Factor {
             });
         }
         let (trial, index, kind) = (stretch.trial.clone(), stretch.index, stretch.kind);
-        Ok(Self { trial, stretch: index, kind, rows, columns, n_rows, packed: values })
+        Ok(Self { trial, stretch: index, kind, rows, columns, n_rows, packed: values, noise: None })
+    }
+
+    /// The same factor with the triangle T of the errors of its rows.
+    ///
+    /// # Errors
+    /// [`RegressorError::Columns`] if the errors have other columns than the rows.
+    pub fn with_noise(mut self, noise: Self) -> Result<Self, RegressorError> {
+        self.check_names(&noise)?;
+        self.noise = Some(Box::new(noise));
+        Ok(self)
+    }
+
+    /// The triangle T of the errors of the rows, `TᵀT = E[ΔAᵀΔA]`, as a factor of its own; none if
+    /// they were not computed.
+    pub fn noise(&self) -> Option<&Self> {
+        self.noise.as_deref()
     }
 
     /// The upper trapezoid packed row by row: row `i` from column `i` on; `min(n_rows, columns)`
@@ -217,6 +269,7 @@ impl Factor {
     pub fn scaled(&self, weight: f64) -> Self {
         let mut out = self.clone();
         out.packed.iter_mut().for_each(|x| *x *= weight);
+        out.noise = self.noise.as_ref().map(|noise| Box::new(noise.scaled(weight)));
         out
     }
 
@@ -254,10 +307,8 @@ impl Factor {
             effects: effects.iter().map(|&e| e.to_owned()).collect(),
             of_tables: self.columns.of_tables.iter().filter(|n| effects.contains(&n.as_str())).cloned().collect(),
         };
-        let mut out = self.clone();
-        out.packed = packed;
-        out.columns = columns;
-        Ok(out)
+        let noise = self.noise.as_ref().map(|noise| noise.with_effects(effects).map(Box::new)).transpose()?;
+        Ok(Self { trial: self.trial.clone(), columns, packed, noise, ..*self })
     }
 
     pub(crate) fn packed_rows(&self) -> impl Iterator<Item = &[f64]> {
@@ -302,7 +353,22 @@ impl Factor {
         Ok(merge_pair(self, other))
     }
 
+    /// Factors merge if they have the same columns, and all of them or none the errors of their
+    /// rows: a stretch without them would count as free of noise.
     fn check_columns(&self, other: &Self) -> Result<(), RegressorError> {
+        if self.noise.is_some() != other.noise.is_some() {
+            let words = |f: &Self| if f.noise.is_some() { "rows with their noise" } else { "rows without their noise" };
+            return Err(RegressorError::Columns {
+                trial: other.trial.clone(),
+                stretch: other.stretch,
+                expected: words(self).to_owned(),
+                found: words(other).to_owned(),
+            });
+        }
+        self.check_names(other)
+    }
+
+    fn check_names(&self, other: &Self) -> Result<(), RegressorError> {
         if self.columns == other.columns {
             return Ok(());
         }
@@ -433,6 +499,7 @@ fn stack(factors: &[&Factor]) -> Factor {
 
 fn joined(factors: &[&Factor], packed: Vec<f64>) -> Factor {
     let first = factors[0];
+    let noises: Vec<&Factor> = factors.iter().filter_map(|f| f.noise()).collect();
     let same_trial = factors.iter().all(|f| f.trial == first.trial);
     let same_kind = factors.iter().all(|f| f.kind == first.kind);
     Factor {
@@ -443,6 +510,7 @@ fn joined(factors: &[&Factor], packed: Vec<f64>) -> Factor {
         columns: first.columns.clone(),
         n_rows: factors.iter().map(|f| f.n_rows).sum(),
         packed,
+        noise: (noises.len() == factors.len()).then(|| Box::new(stack(&noises))),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Factors from weak rows, with fixed weights or whitened, and with the errors of soft tissue
 //! beside them. The rows themselves are in [`crate::weak_windows`].
 
+use crate::matrix_noise::{MatrixNoise, row_errors};
 use crate::noise::{Noise, whiten};
 use crate::stretch::Acting;
 use crate::tissue::{Slides, Tissue, slide_rows};
@@ -32,6 +33,48 @@ pub fn weak_factor(
     let rows = weak_rows(model, base, prior, motion, stretch, acting, options)?;
     let rows = weighted(model, prior, motion, stretch, rows, options, noise)?;
     Factor::from_rows(stretch, RowKind::Weak, columns_of(base, acting), rows.matrix.as_ref())
+}
+
+/// The same, with the triangle of the errors of the rows ([`mod@crate::matrix_noise`]) beside it, in
+/// the same weights.
+///
+/// # Errors
+/// As [`weak_factor`], and [`RegressorError::Length`] if the noise does not fit the model.
+pub fn weak_factor_with_noise(
+    model: &Model,
+    base: &BaseParameters,
+    prior: &[Phi],
+    motion: &Motion,
+    stretch: &Stretch,
+    acting: Acting<'_>,
+    options: &WeakOptions,
+    noise: Option<&Noise<'_>>,
+    of_matrix: &MatrixNoise<'_>,
+) -> Result<Factor, RegressorError> {
+    let mut rows = weak_rows(model, base, prior, motion, stretch, acting, options)?;
+    let errors = row_errors(model, base, prior, motion, stretch, acting, options, of_matrix)?;
+    let (m, n) = (rows.matrix.nrows(), rows.matrix.ncols());
+    if errors.iter().any(|e| (e.nrows(), e.ncols()) != (m, n)) {
+        return Err(RegressorError::Numeric {
+            trial: stretch.trial.clone(),
+            stretch: stretch.index,
+            problem: "the errors of the rows have another shape than the rows".to_owned(),
+        });
+    }
+    // weighted together with the rows, so that both are whitened alike
+    let plain = std::mem::replace(&mut rows.matrix, Mat::new());
+    rows.matrix = Mat::zeros(m, n * (1 + errors.len()));
+    for (part, matrix) in std::iter::once(&plain).chain(&errors).enumerate() {
+        rows.matrix.subcols_mut(part * n, n).copy_from(matrix);
+    }
+    let rows = weighted(model, prior, motion, stretch, rows, options, noise)?;
+    let mut stacked = Mat::zeros(m * errors.len(), n);
+    for draw in 0..errors.len() {
+        stacked.subrows_mut(draw * m, m).copy_from(rows.matrix.subcols((draw + 1) * n, n));
+    }
+    let columns = columns_of(base, acting);
+    let errors = Factor::from_rows(stretch, RowKind::Weak, columns.clone(), stacked.as_ref())?;
+    Factor::from_rows(stretch, RowKind::Weak, columns, rows.matrix.subcols(0, n))?.with_noise(errors)
 }
 
 /// The same, with the effect of repeating soft tissue errors on the rows.

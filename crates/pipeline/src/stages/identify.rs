@@ -120,11 +120,13 @@ pub fn estimator(params: &Params, rows: Rows) -> Estimator {
     let config = &params.identify;
     let weight = (config.prior_weight > 0.0).then_some(config.prior_weight);
     match (config.estimator, rows) {
-        (ChosenEstimator::NullVector, _) | (ChosenEstimator::Auto, Rows::Acceleration) => {
+        (ChosenEstimator::NullVector, _)
+        | (ChosenEstimator::Auto | ChosenEstimator::NoiseMetric, Rows::Acceleration) => {
             Estimator::NullVector(ColumnScaling::default())
         }
         (ChosenEstimator::MassConstrained, _) => Estimator::MassConstrained,
         (ChosenEstimator::Regularised, _) => Estimator::Regularised { weight },
+        (ChosenEstimator::NoiseMetric, Rows::Weak) => Estimator::NoiseMetric,
         (ChosenEstimator::Auto, Rows::Weak) if params.is_object => Estimator::MassConstrained,
         (ChosenEstimator::Auto, Rows::Weak) => Estimator::Regularised { weight },
     }
@@ -215,7 +217,7 @@ impl Predicting {
     pub fn like(subject: &Subject, parameters: &Parameters) -> Result<Self, StageFailure> {
         let fail = |e: aloft_identify::IdentifyError| StageFailure::new(e.to_string());
         let prior = match parameters.estimator {
-            Estimator::Regularised { .. } => {
+            Estimator::Regularised { .. } | Estimator::NoiseMetric => {
                 let base = BaseParameters::of(&subject.model);
                 let prior = LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?;
                 Some(prior.prepared(subject.facts.mass_kg).map_err(fail)?)
@@ -233,7 +235,7 @@ impl Predicting {
         let prior = match self.estimator {
             Estimator::NullVector(_) => return Ok(None),
             Estimator::MassConstrained => None,
-            Estimator::Regularised { .. } => {
+            Estimator::Regularised { .. } | Estimator::NoiseMetric => {
                 let base = BaseParameters::of(&subject.model);
                 Some(LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?)
             }

@@ -3,13 +3,14 @@
 
 use crate::factors::{FactorsAndRemarks, save_factors, save_slides};
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
-use crate::trial_rows::{TrialRows, each_stretch, effect_columns};
-use aloft_body::{BaseParameters, Subject};
+use crate::trial_rows::{TrialRows, each_stretch, effect_columns, effect_columns_along};
+use aloft_body::{BaseParameters, Motion, Subject};
+use aloft_regressor::matrix_noise::EffectsAt;
 use aloft_regressor::{
-    Acting, CoordinateNoise, EffectColumns, Noise, Slides, Stretch, StretchKind, Tissue, WeakOptions, weak_factor,
-    weak_factor_with_tissue,
+    Acting, CoordinateNoise, EffectColumns, MatrixNoise, Noise, RegressorError, Slides, Stretch, StretchKind, Tissue,
+    WeakOptions, weak_factor, weak_factor_with_noise, weak_factor_with_tissue,
 };
-use aloft_study::config::Weighting;
+use aloft_study::config::{Estimator, Weighting};
 use aloft_study::effects::ModelEffects;
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
@@ -58,6 +59,9 @@ pub struct Params {
     pub robot: Option<RobotSetup>,
     /// Role of the trial.
     pub role: Option<Role>,
+    /// Whether the errors of the rows' matrix are computed, for `estimator: noise_metric`.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub matrix_noise: bool,
     /// Effects of the model.
     pub effects: ModelEffects,
 }
@@ -75,6 +79,7 @@ impl Params {
             is_object: session.is_rigid(),
             robot: session.robot.clone(),
             role: trial.map(|t| t.role),
+            matrix_noise: session.config.identify.estimator == Estimator::NoiseMetric,
             effects: session.model_effects(),
         }
     }
@@ -123,7 +128,22 @@ fn factors_beside(
     let noise = row_noise(params, subject);
     let (model, motion) = (&subject.model, &rows.motion);
     let acting = Acting { measured: rows.wrench.as_deref(), effects };
+    let of_matrix = matrix_noise(params, subject);
+    let effects_at = |disturbed: &Motion| {
+        effect_columns_along(&params.effects, rows, disturbed).map_err(|failure| RegressorError::Numeric {
+            trial: rows.trial.name.clone(),
+            stretch: 0,
+            problem: failure.problem,
+        })
+    };
+    let no_effects = |_: &Motion| Ok(None);
+    let effects_at: EffectsAt<'_> = if effects.is_some() { &effects_at } else { &no_effects };
     each_stretch(rows, |stretch| {
+        if let Some(coordinates) = of_matrix {
+            let of_matrix = MatrixNoise::new(coordinates, effects_at);
+            let noise = noise.as_ref();
+            return weak_factor_with_noise(model, &base, &prior, motion, stretch, acting, &weak, noise, &of_matrix);
+        }
         let used = stretch.kind == StretchKind::Flight || params.contact;
         if !(with_tissue && used) {
             return weak_factor(model, &base, &prior, motion, stretch, acting, &weak, noise.as_ref());
@@ -152,6 +172,18 @@ pub fn row_noise<'a>(params: &Params, subject: &'a Subject) -> Option<Noise<'a>>
         },
         slow: params.slow_noise,
         slow_time_s: 0.1,
+    })
+}
+
+/// Errors of the coordinates from which those of the rows' matrix are drawn, where the estimator asks
+/// for them.
+fn matrix_noise<'a>(params: &Params, subject: &'a Subject) -> Option<CoordinateNoise<'a>> {
+    params.matrix_noise.then(|| {
+        if params.robot.is_some() {
+            CoordinateNoise::FromMotion
+        } else {
+            CoordinateNoise::Markers { markers: &subject.markers, sd_m: params.marker_sd_m }
+        }
     })
 }
 
