@@ -16,6 +16,7 @@ use aloft_study::config::FilterConfig;
 use aloft_trial::mot::Table;
 use aloft_trial::{ImportOptions, Trial, UpAxis};
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -136,8 +137,7 @@ pub fn matched(motion: &[PathBuf], markers: &[PathBuf], forces: &[PathBuf]) -> R
 }
 
 fn text(path: &Path) -> Result<String, PipelineError> {
-    let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
+    input::lossy(path)
 }
 
 /// Audits a model with the motion of some recordings.

@@ -22,6 +22,7 @@ use aloft_study::ranges::parse_yaml;
 use aloft_study::revision::{ModelEffect, Revision, Revisions};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::seal;
 use aloft_workspace::workspace::Workspace;
@@ -95,7 +96,7 @@ fn family(family: Family) -> &'static str {
 }
 
 fn own_of(path: &Path) -> Result<Vec<OwnEffect>, PipelineError> {
-    let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+    let text = input::text(path)?;
     let file = path.display().to_string();
     let config: PipelineConfig = parse_yaml(&file, &text)?;
     own_effects(&config, &file, &text, path.parent().unwrap_or(Path::new("")))

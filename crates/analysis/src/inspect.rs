@@ -9,6 +9,7 @@ use aloft_study::catalog;
 use aloft_study::config::FilterConfig;
 use aloft_trial::{ImportOptions, MarkerSet, QualityOptions, Trial, assess, recognise};
 use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::input;
 use serde::Serialize;
 use std::path::Path;
 
@@ -79,7 +80,7 @@ pub(crate) fn read_contents(name: &str, file: &Path) -> Result<(Trial, Option<C3
     let request = |f: StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
     let damaged = |e: aloft_trial::TrialError| request(unreadable(name, file, &e));
     let is = |ending: &str| file.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
-    let bytes = || std::fs::read(file).map_err(PipelineError::io("read", file));
+    let bytes = || input::bytes(file);
     if is("mot") || is("sto") {
         let text = String::from_utf8_lossy(&bytes()?).into_owned();
         return Ok((Trial::contents_of_mot(name, &text, &options).map_err(damaged)?, None));

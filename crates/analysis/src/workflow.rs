@@ -21,6 +21,7 @@ use aloft_study::quote;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::format::{MARKER, marker_text};
+use aloft_workspace::input;
 use aloft_workspace::json::write_json_whole;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::theirs::{refuse_foreign, write_own};
@@ -232,7 +233,7 @@ fn verdict_name(chosen: &[String]) -> String {
 
 /// Data that the Snakefile reads: everything that has a name.
 pub fn plan_of(members: &[Member<'_>], call: &Call) -> Result<Value, PipelineError> {
-    let text = std::fs::read_to_string(&call.pipeline).map_err(PipelineError::io("read", &call.pipeline))?;
+    let text = input::text(&call.pipeline)?;
     let workspace = call.workspace.display().to_string();
     if workspace.contains(|c: char| "{}<>".contains(c) || c.is_control()) {
         return Err(PipelineError::request_hint(

@@ -349,6 +349,9 @@ pub struct TaskInputs {
     pub own_damage: Vec<String>,
 }
 
+/// In place of the hash of an input that cannot be read.
+const UNREADABLE: &str = "unreadable";
+
 /// Collects the inputs of a task.
 pub fn inputs(
     stage: &Stage,
@@ -397,7 +400,9 @@ pub fn inputs(
                         // forces may be in another folder under the same name
                         let again = (2..).map(|i| format!("file {name} ({i})"));
                         let key = std::iter::once(format!("file {name}")).chain(again);
-                        let hash = workspace.input_hash(path)?;
+                        // the stage that reads it says why it cannot; once it can be read again,
+                        // the hash differs and the stage runs
+                        let hash = workspace.input_hash(path).unwrap_or_else(|_| UNREADABLE.to_owned());
                         if let Some(key) = key.into_iter().find(|k| !out.hashes.contains_key(k)) {
                             out.hashes.insert(key, hash);
                         }

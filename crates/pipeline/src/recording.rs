@@ -6,6 +6,7 @@ use aloft_study::quote;
 use aloft_study::recordings::bids_beside;
 use aloft_trial::{BidsMotion, ImportOptions, Trial, TrialError};
 use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::input;
 use aloft_workspace::qc::QcReason;
 use std::path::Path;
 
@@ -36,6 +37,15 @@ pub fn unreadable(name: &str, file: &Path, error: &TrialError) -> StageFailure {
     StageFailure::with_hint(format!("{}: {error}", file.display()), hint).because(reason)
 }
 
+/// The failure of a path that is no readable file.
+pub fn unopened(name: &str, error: PipelineError) -> StageFailure {
+    let failure = StageFailure::from(error);
+    let name = quote::yaml(&quote::pattern(name));
+    let out = format!("or exclude it: `trials: {{exclude: [{{trial: {name}, reason: …}}]}}`");
+    let hint = failure.hint.map_or_else(|| format!("make it readable, {out}"), |hint| format!("{hint}; {out}"));
+    StageFailure::with_hint(failure.problem, hint).because(QcReason::UnreadableFile)
+}
+
 /// Reads one recording from disk.
 pub fn read_file(
     name: &str,
@@ -47,29 +57,26 @@ pub fn read_file(
         let of_forces = matches!(e, TrialError::Text { format: "MOT", .. } | TrialError::ForceColumn { .. });
         unreadable(name, forces.filter(|_| of_forces).unwrap_or(file), &e)
     };
+    let closed = |e: PipelineError| unopened(name, e);
     if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) {
-        let text = |p: &Path| {
-            std::fs::read(p).map(|b| String::from_utf8_lossy(&b).into_owned()).map_err(PipelineError::io("read", p))
-        };
-        let trc = text(file)?;
-        let mot = forces.map(text).transpose()?;
+        let trc = input::lossy(file).map_err(closed)?;
+        let mot = forces.map(input::lossy).transpose().map_err(closed)?;
         return Trial::from_trc_mot(name, &trc, mot.as_deref(), options).map_err(label);
     }
     if aloft_study::recordings::is_bids(file) {
         return read_bids(name, file, options);
     }
-    let bytes = std::fs::read(file).map_err(PipelineError::io("read", file))?;
+    let bytes = input::bytes(file).map_err(closed)?;
     Trial::from_c3d(name, &bytes, options).map_err(label)
 }
 
 fn read_bids(name: &str, file: &Path, options: &ImportOptions) -> Result<Trial, StageFailure> {
-    let lossy = |p: &Path| {
-        std::fs::read(p).map(|b| String::from_utf8_lossy(&b).into_owned()).map_err(PipelineError::io("read", p))
-    };
+    let lossy = |p: &Path| input::lossy(p).map_err(|e| unopened(name, e));
     let files = bids_beside(file);
     let ending = |end: &str| files.iter().find(|f| f.to_string_lossy().ends_with(end));
-    let json = |end: &str| -> Result<serde_json::Value, PipelineError> {
-        ending(end).map_or(Ok(serde_json::Value::Null), |p| aloft_workspace::json::read_json(p))
+    let json = |end: &str| -> Result<serde_json::Value, StageFailure> {
+        let Some(path) = ending(end) else { return Ok(serde_json::Value::Null) };
+        aloft_workspace::json::read_json(path).map_err(|e| unopened(name, e))
     };
     let Some(channels) = ending("_channels.tsv") else {
         return Err(StageFailure::with_hint(

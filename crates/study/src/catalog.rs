@@ -4,6 +4,7 @@
 use crate::nearest::hint;
 use crate::ranges::parse_yaml;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use include_dir::{Dir, include_dir};
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
@@ -41,8 +42,8 @@ pub fn find(kind: &str, name: &str, pipeline_dir: &Path) -> Result<Source, Pipel
         candidates.push(pipeline_dir.join(format!("../configs/{kind}/{name}.yaml")));
     }
     for path in candidates {
-        if path.is_file() {
-            let text = std::fs::read_to_string(&path).map_err(PipelineError::io("read", &path))?;
+        if input::is_there(&path) {
+            let text = input::text(&path)?;
             return Ok(Source { origin: path.display().to_string(), text });
         }
     }

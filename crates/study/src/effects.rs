@@ -6,10 +6,12 @@ use crate::config::PipelineConfig;
 use crate::nearest;
 use crate::place::{error_at, find, inside};
 use crate::ranges;
+use crate::recordings::lock_of_editor;
 use crate::revision::ModelEffect;
 use aloft_body::{Model, ModelSpec, Phi};
 use aloft_effects::{CompiledFormula, EFFECTS, Effect, EffectInstance, EffectsError, FormulaEffect, Scene};
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use serde::ser::{SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
 use std::path::{Path, PathBuf};
@@ -39,7 +41,7 @@ impl OwnEffect {
 
     /// Reads a file that holds one effect, given by its path.
     pub fn read_file(path: &Path) -> Result<Self, PipelineError> {
-        let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+        let text = input::text(path)?;
         let origin = path.display().to_string();
         let spec = ranges::parse(&origin, &text)?;
         Ok(Self { spec, origin, text, path: String::new(), shared: false })
@@ -167,7 +169,8 @@ fn effect_files(dir: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     let mut out = Vec::new();
     for entry in entries {
         let path = entry.map_err(PipelineError::io("list", &folder))?.path();
-        if path.extension().is_some_and(|e| e == "yaml" || e == "yml") && path.is_file() {
+        let locked = path.file_name().is_some_and(lock_of_editor);
+        if path.extension().is_some_and(|e| e == "yaml" || e == "yml") && !locked {
             out.push(path);
         }
     }

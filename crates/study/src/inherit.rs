@@ -14,6 +14,7 @@ use crate::ranges;
 use crate::ranges::parse_yaml;
 use crate::recordings::pattern;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use serde_yaml::Value;
 use std::path::{Path, PathBuf};
 
@@ -69,7 +70,7 @@ impl PipelineFile {
                 format!("for a folder of recordings write one with `aloft init {folder}`"),
             ));
         }
-        let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+        let text = input::text(path)?;
         let name = path.display().to_string();
         let config: PipelineConfig = ranges::parse(&name, &text)?;
         let mut base: Value = parse_yaml(&name, &text)?;
@@ -175,8 +176,8 @@ pub fn fits(wanted: Option<&str>, name: Option<&str>) -> bool {
 }
 
 fn layer_from(folder: Option<&Path>, value: &mut Value) -> Result<(), PipelineError> {
-    let Some(path) = folder.map(|f| f.join(OVERRIDES_FILE)).filter(|p| p.is_file()) else { return Ok(()) };
-    let text = std::fs::read_to_string(&path).map_err(PipelineError::io("read", &path))?;
+    let Some(path) = folder.map(|f| f.join(OVERRIDES_FILE)).filter(|p| input::is_there(p)) else { return Ok(()) };
+    let text = input::text(&path)?;
     let name = path.display().to_string();
     if text.lines().all(|l| l.trim().is_empty() || l.trim_start().starts_with('#')) {
         return Ok(());

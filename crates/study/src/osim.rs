@@ -5,6 +5,7 @@ use aloft_robot::PriorSpread;
 use aloft_robot::osim::{OsimModel, RigidTree};
 use aloft_trial::{MarkerDefinition, MarkerSet};
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -49,13 +50,13 @@ impl OsimSetup {
     /// carries no markers.
     pub fn load(name: &str, folder: &Path, data: &Path, root: &Path) -> Result<Self, PipelineError> {
         let places = [folder.join(name), data.join(name), root.join(name)];
-        let Some(path) = places.iter().find(|p| p.is_file()) else {
+        let Some(path) = places.iter().find(|p| input::is_there(p)) else {
             return Err(PipelineError::request_hint(
                 format!("{}: there is no such file", places[0].display()),
                 "give a path relative to the pipeline file or to the recordings",
             ));
         };
-        let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
+        let bytes = input::bytes(path)?;
         let shown = path.file_name().map_or_else(|| name.to_owned(), |n| n.to_string_lossy().into_owned());
         let wrong = |e: aloft_robot::RobotError| {
             PipelineError::request_hint(

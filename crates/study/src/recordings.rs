@@ -3,6 +3,7 @@
 
 use crate::place::error_at_key;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use globset::{GlobBuilder, GlobMatcher, GlobSet, GlobSetBuilder};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -70,13 +71,13 @@ pub fn bids_beside(path: &Path) -> Vec<PathBuf> {
     let mut beside: Vec<PathBuf> = ["channels.tsv", "channels.json", "motion.json"]
         .iter()
         .map(|end| path.with_file_name(format!("{stem}_{end}")))
-        .filter(|p| p.is_file())
+        .filter(|p| input::is_there(p))
         .collect();
     // `sub-01_ses-02_scans.tsv`, a folder above the recordings, says when each was made
     let entities: Vec<&str> = stem.split('_').take_while(|e| e.starts_with("sub-") || e.starts_with("ses-")).collect();
     if let (false, Some(folder)) = (entities.is_empty(), path.parent()) {
         let scans = format!("{}_scans.tsv", entities.join("_"));
-        beside.extend(folder.ancestors().take(2).map(|f| f.join(&scans)).find(|p| p.is_file()));
+        beside.extend(folder.ancestors().take(2).map(|f| f.join(&scans)).find(|p| input::is_there(p)));
     }
     beside
 }
@@ -96,14 +97,14 @@ pub fn log_stem(path: &Path) -> Option<String> {
 /// `jump_01_robot.csv.gz`.
 pub fn base_beside(log: &Path) -> Option<PathBuf> {
     let stem = log_stem(log)?;
-    LOG_ENDINGS.iter().map(|end| log.with_file_name(format!("{stem}_base{end}"))).find(|p| p.is_file())
+    LOG_ENDINGS.iter().map(|end| log.with_file_name(format!("{stem}_base{end}"))).find(|p| input::is_there(p))
 }
 
 /// Markers on a robot's links beside its log, if there are any: `jump_01_markers.c3d` for
 /// `jump_01_robot.csv.gz`. They count where there is no recording of the base.
 pub fn markers_beside(log: &Path) -> Option<PathBuf> {
     let stem = log_stem(log)?;
-    ["c3d", "C3D"].iter().map(|end| log.with_file_name(format!("{stem}_markers.{end}"))).find(|p| p.is_file())
+    ["c3d", "C3D"].iter().map(|end| log.with_file_name(format!("{stem}_markers.{end}"))).find(|p| input::is_there(p))
 }
 
 /// The name of a recording without its ending.
@@ -160,8 +161,10 @@ pub fn trial_name(path: &Path) -> String {
 }
 
 /// Recordings below a folder, relative to it, in order of names. Results (workspaces, exports,
-/// `derivatives`) and hidden folders are not looked into. Links to files count: data sets of
-/// DataLad or git-annex consist of them.
+/// `derivatives`) and hidden folders are not looked into. Whatever has the name of a recording
+/// counts, so that what cannot be read is reported and not lost: data sets of DataLad or git-annex
+/// consist of links, some without a target. Of folders those count that hold no recording
+/// themselves, and those that may not be listed (under any name: see [`may_hold`]).
 pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     files_below(folder, is_recording)
 }
@@ -172,7 +175,8 @@ pub fn logs_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
 }
 
 fn files_below(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<Vec<PathBuf>, PipelineError> {
-    let mut found = Vec::new();
+    let mut found: Vec<PathBuf> = Vec::new();
+    let mut folders: Vec<PathBuf> = Vec::new();
     let walk = walkdir::WalkDir::new(folder).sort_by_file_name().into_iter().filter_entry(|e| {
         let name = e.file_name().to_string_lossy();
         e.depth() == 0
@@ -183,12 +187,39 @@ fn files_below(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<Vec<Path
     });
     for entry in walk {
         let problem = |e: walkdir::Error| e.into_io_error().unwrap_or_else(|| std::io::Error::other("a loop of links"));
-        let entry = entry.map_err(|e| PipelineError::io("list", folder)(problem(e)))?;
-        if wanted(entry.path()) && entry.path().is_file() {
-            found.push(entry.path().strip_prefix(folder).unwrap_or(entry.path()).to_path_buf());
+        let relative = |path: &Path| path.strip_prefix(folder).unwrap_or(path).to_path_buf();
+        match entry {
+            Ok(e) if !wanted(e.path()) || lock_of_editor(e.file_name()) => {}
+            Ok(e) if e.file_type().is_dir() => folders.push(relative(e.path())),
+            Ok(e) => found.push(relative(e.path())),
+            Err(e) if e.depth() > 0 && e.path().is_some() => found.extend(e.path().map(relative)),
+            Err(e) => return Err(PipelineError::io("list", folder)(problem(e))),
         }
     }
+    folders.retain(|of| !found.iter().any(|file| file.starts_with(of)));
+    found.extend(folders);
+    found.sort();
     Ok(found)
+}
+
+/// True for the links without a target by which Emacs marks a file that is being edited.
+pub(crate) fn lock_of_editor(name: &std::ffi::OsStr) -> bool {
+    name.to_string_lossy().starts_with(".#")
+}
+
+/// True if a file below a folder may match a pattern: the folder's path matches the pattern's
+/// beginning.
+pub(crate) fn may_hold(folder: &Path, pattern: &str) -> bool {
+    let mut parts = pattern.split('/');
+    folder.components().all(|of| match parts.next() {
+        // stands for any number of folders
+        Some("**") => {
+            parts = "**".split('/');
+            true
+        }
+        Some(part) => globset::Glob::new(part).is_ok_and(|g| g.compile_matcher().is_match(of.as_os_str())),
+        None => false,
+    }) && parts.next().is_some()
 }
 
 /// A name as compared by file systems that ignore case.

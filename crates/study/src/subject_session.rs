@@ -2,7 +2,7 @@
 //! and the facts about the subject.
 
 use crate::catalog;
-use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig};
+use crate::config::{FlightConfig, IkConfig, ImportConfig, PipelineConfig, TrialsConfig};
 use crate::data_set::DataSet;
 use crate::effects::{ModelEffects, OwnEffect, check_formulas, for_body, own_effects};
 use crate::facts::{FactPlaces, Facts, check_person_kg, find_facts};
@@ -12,14 +12,15 @@ use crate::place::error_at_key;
 use crate::possible;
 use crate::quote;
 use crate::recordings::{
-    SessionId, base_beside, bids_beside, fold, globs, logs_below, markers_beside, recordings_below, stem_of,
-    trial_names,
+    SessionId, base_beside, bids_beside, fold, globs, is_recording, log_stem, logs_below, markers_beside, may_hold,
+    recordings_below, stem_of, trial_names,
 };
 use crate::robot::RobotSetup;
 use aloft_body::ModelSpec;
 use aloft_scale::ObjectSpec;
 use aloft_trial::MarkerSet;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, HashMap};
@@ -411,10 +412,21 @@ impl SubjectSession {
 fn load_model(name: &str, dir: &Path) -> Result<ModelSpec, PipelineError> {
     if name.to_ascii_lowercase().ends_with(".urdf") {
         let path = dir.join(name);
-        let text = std::fs::read_to_string(&path).map_err(PipelineError::io("read", &path))?;
+        let text = input::text(&path)?;
         return ModelSpec::from_urdf(&text).map_err(|e| PipelineError::request(format!("{}: {e}", path.display())));
     }
     possible::load_model(name, dir)
+}
+
+/// Role of the recordings that a folder may hold; none if no pattern reaches into it.
+fn of_folder(trials: &TrialsConfig, folder: &Path) -> Option<Role> {
+    let patterns = [
+        (Role::Static, &trials.r#static),
+        (Role::Calibration, &trials.calibration),
+        (Role::Validate, &trials.validate),
+        (Role::Identify, &trials.identify),
+    ];
+    patterns.into_iter().find(|(_, of)| of.iter().any(|p| may_hold(folder, p))).map(|(role, _)| role)
 }
 
 fn find_trials(
@@ -434,9 +446,17 @@ fn find_trials(
     let mut unmatched = Vec::new();
     let is_robot = config.robot.is_some();
     for relative in if is_robot { logs_below(data)? } else { recordings_below(data)? } {
-        match roles.iter().find(|(_, set)| set.is_match(&relative)) {
-            Some((role, _)) => found.push((relative, *role)),
-            None => unmatched.push(relative),
+        let named = if is_robot { log_stem(&relative).is_some() } else { is_recording(&relative) };
+        let role = if named {
+            roles.iter().find(|(_, set)| set.is_match(&relative)).map(|r| r.0)
+        } else {
+            // a folder that may not be listed fails in place of the recordings that it may hold
+            of_folder(t, &relative)
+        };
+        match role {
+            Some(role) => found.push((relative, role)),
+            None if named => unmatched.push(relative),
+            None => {}
         }
     }
     let names = trial_names(&found.iter().map(|(relative, _)| relative.as_path()).collect::<Vec<_>>());
@@ -445,7 +465,7 @@ fn find_trials(
         let path = data.join(relative);
         let forces = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) {
             let folder = path.parent().unwrap_or(data);
-            t.forces.iter().map(|f| folder.join(f.replace("{trial}", &stem_of(relative)))).find(|p| p.is_file())
+            t.forces.iter().map(|f| folder.join(f.replace("{trial}", &stem_of(relative)))).find(|p| input::is_there(p))
         } else {
             None
         };

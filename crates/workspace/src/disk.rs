@@ -32,7 +32,7 @@ fn write_all(file: &mut File, bytes: &[u8], path: &Path) -> IoResult<()> {
 
 /// Reads a file.
 pub fn read(path: &Path) -> Result<Vec<u8>, PipelineError> {
-    before(Operation::Read, "read", path).and_then(|_| std::fs::read(path)).map_err(PipelineError::io("read", path))
+    crate::input::bytes(path)
 }
 
 /// True if a file or folder exists; an error if that cannot be told.

@@ -1,8 +1,8 @@
 //! Hashes of recordings. A recording is read again only if the file system indicates that it may
 //! have changed.
 
-use crate::disk;
 use crate::error::PipelineError;
+use crate::input;
 use crate::seal;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -90,9 +90,8 @@ impl InputHashes {
     /// Content hash of a recording. The file is read again only if its size, modification time,
     /// change time or inode differ.
     pub(crate) fn of(&self, path: &Path) -> Result<String, PipelineError> {
-        let identity = |path: &Path| -> Result<Option<Identity>, PipelineError> {
-            Ok(Identity::of(&std::fs::metadata(path).map_err(PipelineError::io("read", path))?))
-        };
+        let identity =
+            |path: &Path| -> Result<Option<Identity>, PipelineError> { Ok(Identity::of(&input::look(path)?)) };
         let before = identity(path)?;
         let key = path.canonicalize().unwrap_or_else(|_| path.to_path_buf()).display().to_string();
         if let Ok(known) = self.known.lock()
@@ -101,8 +100,10 @@ impl InputHashes {
         {
             return Ok(stamp.hash.clone());
         }
-        let bytes = disk::read(path)?;
-        let hash = blake3::hash(&bytes).to_hex().to_string();
+        // in pieces: a long recording need not be in memory for this
+        let mut hasher = blake3::Hasher::new();
+        hasher.update_reader(input::open(path)?.0).map_err(PipelineError::io("read", path))?;
+        let hash = hasher.finalize().to_hex().to_string();
         if let (Ok(mut known), Some(identity)) = (self.known.lock(), before) {
             let settled = identity.is_settled();
             known.insert(key, InputStamp { identity, hash: hash.clone(), settled });

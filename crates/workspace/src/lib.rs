@@ -10,6 +10,7 @@ pub mod error;
 mod fault;
 mod fingerprint;
 pub mod format;
+pub mod input;
 pub mod json;
 pub mod key;
 pub mod limits;

@@ -19,6 +19,7 @@ use aloft_study::commands::command;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::{load_motion, load_trial};
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use aloft_workspace::json::read_json;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::table::Table;
@@ -62,7 +63,7 @@ fn robot_files(session: &SubjectSession, source: &InertiaSource) -> Result<Vec<R
         .files
         .iter()
         .map(|path| {
-            let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+            let text = input::text(path)?;
             let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
             let model =
                 aloft_robot::RobotModel::parse(&name, &text).map_err(|e| PipelineError::request(e.to_string()))?;
@@ -74,7 +75,7 @@ fn robot_files(session: &SubjectSession, source: &InertiaSource) -> Result<Vec<R
 /// The imported OpenSim model with the tree that the results were made with.
 fn osim_file(session: &SubjectSession, made: &SubjectExport) -> Result<Option<OsimFile>, PipelineError> {
     let Some(osim) = &session.osim else { return Ok(None) };
-    let bytes = std::fs::read(&osim.path).map_err(PipelineError::io("read", &osim.path))?;
+    let bytes = input::bytes(&osim.path)?;
     let seen: Vec<String> = made.subject.markers.iter().map(|m| m.label.clone()).collect();
     let tree = RigidTree::of(&osim.model, Some(&seen)).map_err(|e| PipelineError::request(e.to_string()))?;
     Ok(Some(OsimFile {
@@ -236,8 +237,7 @@ pub(super) fn trial(
         }
     }
     let is_c3d = entry.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d"));
-    let c3d =
-        if is_c3d { Some(std::fs::read(&entry.file).map_err(PipelineError::io("read", &entry.file))?) } else { None };
+    let c3d = if is_c3d { Some(input::bytes(&entry.file)?) } else { None };
     let file = entry.file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let mut out = TrialExport {
         name: name.clone(),
@@ -302,7 +302,8 @@ pub(super) fn recordings(session: &SubjectSession, ws: &Workspace) -> Result<Vec
     for path in session.included().flat_map(|t| std::iter::once(&t.file).chain(&t.forces)) {
         let relative = path.strip_prefix(&session.data).unwrap_or(path);
         let name = relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>();
-        out.push((name.join("/"), ws.input_hash(path)?));
+        // a recording that cannot be read has no results to export
+        out.push((name.join("/"), ws.input_hash(path).unwrap_or_else(|_| "unreadable".to_owned())));
     }
     Ok(out)
 }

@@ -3,6 +3,7 @@
 use super::look::Determination;
 use aloft_study::recordings::stem_of;
 use aloft_trial::person_of;
+use aloft_workspace::input;
 use std::path::{Path, PathBuf};
 
 /// Body facts that a file states.
@@ -28,7 +29,7 @@ impl StatedFacts {
         if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {
             return Self::default();
         }
-        let Some(file) = std::fs::read(path).ok().and_then(|b| aloft_c3d::C3dFile::from_bytes(&b).ok()) else {
+        let Some(file) = input::bytes(path).ok().and_then(|b| aloft_c3d::C3dFile::from_bytes(&b).ok()) else {
             return Self::default();
         };
         let number = |names: &[&str], read: fn(f64) -> Option<f64>| {
@@ -110,7 +111,7 @@ pub(super) fn force_patterns(folder: &Path, seen: &[Determination]) -> Option<Ve
 
 /// True if the columns of a MOT or STO file are ground reactions.
 fn holds_forces(file: &Path) -> bool {
-    let Ok(bytes) = std::fs::read(file) else { return false };
+    let Ok(bytes) = input::bytes(file) else { return false };
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(20_000)]).to_lowercase();
     let columns = text.lines().find(|l| l.trim_start().starts_with("time")).unwrap_or_default();
     columns.contains("ground_force") || (columns.contains("force") && columns.contains("_vy"))

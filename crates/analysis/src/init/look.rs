@@ -7,6 +7,7 @@ use aloft_study::quote;
 use aloft_study::recordings::{bids_beside, is_bids, stem_of};
 use aloft_trial::{ImportOptions, Trial};
 use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::input;
 use aloft_workspace::qc::QcReason;
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -42,7 +43,7 @@ pub(super) struct Unread {
 /// be read.
 fn people_in(file: &Path) -> Vec<String> {
     let (name, options) = ("", ImportOptions::default());
-    let Ok(bytes) = std::fs::read(file) else { return Vec::new() };
+    let Ok(bytes) = input::bytes(file) else { return Vec::new() };
     let trial = match file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) {
         true => Trial::contents_of_trc_mot(name, &String::from_utf8_lossy(&bytes), None, &options).ok(),
         false => aloft_c3d::C3dFile::from_bytes(&bytes)
@@ -169,7 +170,7 @@ pub(super) fn look(
 fn stated_unit(path: &Path) -> String {
     if is_bids(path) {
         let channels = bids_beside(path).into_iter().find(|p| p.to_string_lossy().ends_with("_channels.tsv"));
-        let text = channels.and_then(|p| std::fs::read_to_string(p).ok()).unwrap_or_default();
+        let text = channels.and_then(|p| input::text(&p).ok()).unwrap_or_default();
         let at = text.lines().next().and_then(|h| h.split('\t').position(|c| c.trim() == "units"));
         let position = text.lines().find(|l| l.split('\t').any(|c| c.trim() == "POS"));
         return position
@@ -178,7 +179,7 @@ fn stated_unit(path: &Path) -> String {
             .map(|u| u.trim().to_owned())
             .unwrap_or_default();
     }
-    let Ok(bytes) = std::fs::read(path) else { return String::new() };
+    let Ok(bytes) = input::bytes(path) else { return String::new() };
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {
         return aloft_c3d::C3dFile::from_bytes(&bytes).map(|f| f.point_unit.trim().to_owned()).unwrap_or_default();
     }

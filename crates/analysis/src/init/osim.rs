@@ -5,6 +5,7 @@ use aloft_body::PersonFacts;
 use aloft_robot::PriorSpread;
 use aloft_robot::osim::{OsimIk, OsimModel, RigidTree};
 use aloft_trial::{MarkerDefinition, MarkerSet, Trial, apply_marker_set};
+use aloft_workspace::input;
 use nalgebra::Vector3;
 use std::path::{Path, PathBuf};
 
@@ -64,10 +65,10 @@ pub(super) fn find(folder: &Path, seen: &[Determination]) -> Found {
     let longest = seen.iter().max_by_key(|s| s.trial.markers.n_frames);
     for path in &paths {
         let shown = path.strip_prefix(folder).unwrap_or(path).display().to_string().replace('\\', "/");
-        let text = match std::fs::read(path) {
-            Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
+        let text = match input::lossy(path) {
+            Ok(text) => text,
             Err(e) => {
-                refused.push(format!("{shown}: {e}"));
+                refused.push(e.to_string());
                 continue;
             }
         };

@@ -4,6 +4,7 @@ use super::{data_path, pipeline_name};
 use aloft_study::quote;
 use aloft_study::recordings::{base_beside, fold, log_stem, logs_below, markers_beside, stem_of};
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -21,7 +22,7 @@ struct Logs {
 /// # Errors
 /// Logs without a description, or a description without logs.
 pub(super) fn pipeline(folder: &Path, target: &Path) -> Result<Option<(String, Vec<String>)>, PipelineError> {
-    let described = ["robot.yaml", "robot.yml"].into_iter().find(|name| folder.join(name).is_file());
+    let described = ["robot.yaml", "robot.yml"].into_iter().find(|name| input::is_there(&folder.join(name)));
     let Logs { logs, spare } = logs(folder, described.is_some())?;
     let Some(described) = described else {
         return if logs.is_empty() { Ok(None) } else { Err(undescribed(folder, &logs)) };

@@ -7,6 +7,7 @@ use aloft_study::possible::{MARKER_RADIUS_M, MARKER_WEIGHT};
 use aloft_study::{catalog, place, ranges};
 use aloft_trial::{MarkerDefinition, MarkerSet};
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -47,7 +48,7 @@ pub struct MarkerSetCheck {
 /// The file cannot be read, is not YAML, has keys that do not exist, or names a model that is not
 /// there.
 pub fn check(file: &Path) -> Result<MarkerSetCheck, PipelineError> {
-    let text = std::fs::read_to_string(file).map_err(PipelineError::io("read", file))?;
+    let text = input::text(file)?;
     let shown = file.display().to_string();
     let set: MarkerSet = ranges::parse_yaml(&shown, &text)?;
     let folder = file.parent().unwrap_or_else(|| Path::new(""));

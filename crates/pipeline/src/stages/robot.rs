@@ -2,7 +2,7 @@
 //! of landmarks, sensors combined in place of inverse kinematics.
 
 use crate::graph::{Recording, StageInputs, StageReport};
-use crate::recording::read_recording;
+use crate::recording::{read_recording, unopened};
 use crate::results::Results;
 use crate::stages::shared::save_subject;
 use aloft_body::Motion;
@@ -14,11 +14,12 @@ use aloft_robot::{
 };
 use aloft_study::config::ImportConfig;
 use aloft_study::facts::Facts;
-use aloft_study::recordings::{base_beside, markers_beside};
+use aloft_study::recordings::{base_beside, markers_beside, stem_of};
 use aloft_study::robot::RobotSetup;
 use aloft_trial::{Corrections, Markers, Trial};
 use aloft_workspace::artifact::{save_motion, save_trial};
 use aloft_workspace::error::{PipelineError, StageFailure};
+use aloft_workspace::input;
 use aloft_workspace::json::{read_json, write_json};
 use aloft_workspace::qc::QcReason;
 use aloft_workspace::table::{Table, read_numbers};
@@ -49,12 +50,15 @@ fn columns(file: &Path) -> Result<Columns, StageFailure> {
     let shown = file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     if file.extension().is_some_and(|e| e.eq_ignore_ascii_case("parquet")) {
         let table = read_numbers(file).map_err(|e| {
+            if matches!(e, PipelineError::Io { .. }) {
+                return unopened(&stem_of(file), e);
+            }
             let hint = "write the file again (`to_parquet` of pandas, `write_parquet` of polars; compression zstd, snappy, gzip or none), or as CSV";
             StageFailure::with_hint(e.to_string(), hint).because(QcReason::UnreadableFile)
         })?;
         return Columns::of(&shown, table.into_columns()).map_err(|e| failed(&e));
     }
-    let bytes = std::fs::read(file).map_err(PipelineError::io("read", file))?;
+    let bytes = input::bytes(file).map_err(|e| unopened(&stem_of(file), e))?;
     Columns::from_csv(&shown, &bytes).map_err(|e| failed(&e))
 }
 
@@ -83,7 +87,7 @@ pub fn read(
     refuse_corrections_of_plates(corrections)?;
     let (log, poses) = if recording.file.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap")) {
         let shown = recording.file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let bytes = std::fs::read(&recording.file).map_err(PipelineError::io("read", &recording.file))?;
+        let bytes = input::bytes(&recording.file).map_err(|e| unopened(&recording.name, e))?;
         ros::read(&shown, &bytes, &robot.description.topics).map_err(|e| failed(&e))?
     } else {
         (columns(&recording.file)?, None)
