@@ -4,7 +4,7 @@ use crate::ros::Topics;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// The description. Keys that are not listed here are the laboratory's own business.
+/// The description. Keys that are not listed here only describe (see `aloft_study::keys`).
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct RobotDescription {
     /// Link whose pose the base recording holds; the root of the model if absent.

@@ -2,6 +2,7 @@
 //! recordings.
 
 use crate::config::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, PipelineConfig, SubjectConfig};
+use crate::keys;
 use crate::opencap;
 use crate::place::error_at_key;
 use crate::place::{error_at, find};
@@ -11,6 +12,7 @@ use crate::recordings::SessionId;
 use aloft_body::{PersonFacts, Sex};
 use aloft_trial::missing::is_missing;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -75,8 +77,8 @@ pub(crate) struct FactPlaces<'a> {
     pub object: Option<(&'a str, f64)>,
 }
 
-/// What `subject.yaml` or `object.yaml` beside the recordings may say; other keys are the
-/// laboratory's own business. Ranges are those of the pipeline's settings of the same kind.
+/// What `subject.yaml` or `object.yaml` beside the recordings may say; further keys describe the
+/// recordings ([`crate::keys`]). Ranges are those of the pipeline's settings of the same kind.
 #[derive(Debug, Default, Clone, Deserialize, JsonSchema)]
 struct FactsFile {
     name: Option<String>,
@@ -96,7 +98,7 @@ struct FactsFile {
     gravity_m_s2: Option<f64>,
     lab: Option<LabFacts>,
     /// Recordings, as a list of names or of entries with `file`; any other shape is the
-    /// laboratory's own business.
+    /// laboratory's own account of the session.
     #[schemars(with = "serde_json::Value")]
     trials: Option<serde_yaml::Value>,
 }
@@ -209,11 +211,17 @@ fn facts_file(folder: &Path) -> Result<Option<(FactsFile, String)>, PipelineErro
 }
 
 fn one_file(path: &Path) -> Result<Option<FactsFile>, PipelineError> {
-    if !path.is_file() {
+    if !input::is_there(path) {
         return Ok(None);
     }
-    let text = std::fs::read_to_string(path).map_err(PipelineError::io("read", path))?;
+    let text = input::text(path)?;
     let name = path.display().to_string();
+    let of_kind = match path.file_stem().and_then(|s| s.to_str()) {
+        Some("robot") => &keys::ROBOT,
+        Some("object") => &keys::OBJECT,
+        _ => &keys::SUBJECT,
+    };
+    keys::refuse_unknown(of_kind, &name, &text, &ranges::parse_yaml(&name, &text)?)?;
     // `gravity_mps2`, the pipeline's name, has the same range as `gravity_m_s2`
     let facts: FactsFile = ranges::parse(&name, &text)?;
     let again = facts.gravity_m_s2.filter(|g| !(GRAVITY_MPS2.0..=GRAVITY_MPS2.1).contains(g));
@@ -322,6 +330,22 @@ fn listed(trials: &serde_yaml::Value) -> Vec<String> {
 /// Name of the table of participants (BIDS).
 pub const PARTICIPANTS: &str = "participants.tsv";
 
+/// Columns that are read; others are the study's own business.
+const READ_COLUMNS: [&str; 12] = [
+    "participant_id",
+    "session_id",
+    "sex",
+    "height",
+    "height_m",
+    "stature",
+    "height_cm",
+    "mass",
+    "mass_kg",
+    "weight",
+    "weight_kg",
+    "body_mass",
+];
+
 /// A table with tab-separated columns.
 struct Tsv {
     path: PathBuf,
@@ -332,10 +356,10 @@ struct Tsv {
 
 impl Tsv {
     fn read(path: &Path) -> Result<Option<Self>, PipelineError> {
-        if !path.is_file() {
+        if !input::is_there(path) {
             return Ok(None);
         }
-        let bytes = std::fs::read(path).map_err(PipelineError::io("read", path))?;
+        let bytes = input::bytes(path)?;
         let text = String::from_utf8_lossy(&bytes);
         let cells = |l: &str| l.split('\t').map(|c| c.trim().trim_matches('"').to_owned()).collect::<Vec<String>>();
         let mut lines = text.trim_start_matches('\u{feff}').lines();
@@ -383,6 +407,16 @@ impl Tsv {
     }
 
     fn facts(&self, row: &(usize, Vec<String>), key: &str) -> Result<FactsFile, PipelineError> {
+        for column in &self.header {
+            if let Some(meant) = keys::slip(column, &READ_COLUMNS) {
+                return Err(PipelineError::request_hint(
+                    format!("{}: line 1: unknown column `{column}`", self.path.display()),
+                    format!(
+                        "did you mean `{meant}`? stature is read in m (or cm, above 3), mass in kg; rename the column if it is neither"
+                    ),
+                ));
+            }
+        }
         // values above 3 are centimetres
         let metres = |h: f64| if h > 3.0 { 0.01 } else { 1.0 };
         let height = match self.number(row, &["height", "height_m", "stature"], HEIGHT_M, metres)? {

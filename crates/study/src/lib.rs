@@ -12,6 +12,7 @@ pub mod data_set;
 pub mod effects;
 pub mod facts;
 pub mod inherit;
+mod keys;
 pub mod old_names;
 pub mod opencap;
 pub mod osim;

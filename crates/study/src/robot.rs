@@ -1,10 +1,13 @@
 //! A robot as its description and its model file state it.
 
 use crate::config::{InertiaLimit, RobotConfig};
+use crate::keys::{self, refuse_unknown};
+use crate::place::error_at_key;
 use crate::ranges::parse_yaml;
-use aloft_robot::{PriorSpread, RobotDescription, RobotModel, SensorNoise};
+use aloft_robot::{PriorSpread, RobotDescription, RobotModel};
 use aloft_trial::MarkerSet;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -26,41 +29,22 @@ pub struct RobotSetup {
     pub files: Vec<PathBuf>,
 }
 
-/// Keys of a description; others are the laboratory's own business.
-const KEYS: [&str; 11] = [
-    "name",
-    "total_mass_kg",
-    "mass_kg",
-    "gravity_m_s2",
-    "base_link",
-    "joints",
-    "model",
-    "imu",
-    "noise",
-    "topics",
-    "markers",
-];
-
-/// An error for a key that is one or two letters off one that is read: it would count as not given.
-fn refuse_slips(file: &str, text: &str) -> Result<(), PipelineError> {
-    let all: serde_yaml::Value = parse_yaml(file, text)?;
-    let noise = serde_yaml::to_value(SensorNoise::default()).unwrap_or_default();
-    let of_noise: Vec<&str> = noise.as_mapping().into_iter().flatten().filter_map(|(k, _)| k.as_str()).collect();
-    for (place, known) in
-        [(None, &KEYS[..]), (Some("noise"), &of_noise), (Some("imu"), &["link", "position_m", "rpy_rad"])]
-    {
-        let keys = place.map_or(Some(&all), |p| all.get(p)).and_then(serde_yaml::Value::as_mapping);
-        for key in keys.into_iter().flatten().filter_map(|(k, _)| k.as_str()).filter(|k| !known.contains(k)) {
-            if let Some(meant) = known.iter().find(|k| k.len() > 3 && strsim::damerau_levenshtein(key, k) <= 2) {
-                let within = place.map_or(String::new(), |p| format!(" in `{p}`"));
-                return Err(PipelineError::request_hint(
-                    format!("{file}: unknown key `{key}`{within}"),
-                    format!("did you mean `{meant}`?"),
-                ));
-            }
-        }
+/// Refuses a stated direction of gravity other than that of the world frame: base poses are given
+/// with z up.
+fn gravity_is_down(file: &str, text: &str, all: &serde_yaml::Value) -> Result<(), PipelineError> {
+    let Some(stated) = all.get("gravity_direction") else { return Ok(()) };
+    let numbers: Option<Vec<f64>> =
+        stated.as_sequence().map(|list| list.iter().filter_map(serde_yaml::Value::as_f64).collect());
+    match numbers.as_deref() {
+        Some([x, y, z]) if *x == 0.0 && *y == 0.0 && *z < 0.0 => Ok(()),
+        _ => Err(error_at_key(
+            file,
+            text,
+            "gravity_direction",
+            "`gravity_direction` is not [0, 0, -1]: the base's poses are read in a world frame whose z points upward",
+            Some("turn the poses of the base into such a frame, or leave the key out if they are in one".to_owned()),
+        )),
     }
-    Ok(())
 }
 
 impl RobotSetup {
@@ -71,16 +55,18 @@ impl RobotSetup {
     /// A file that is missing or cannot be used, with what was expected.
     pub fn load(config: &RobotConfig, data: &Path, root: &Path) -> Result<Self, PipelineError> {
         let places = [data.join(&config.description), root.join(&config.description)];
-        let Some(path) = places.iter().find(|p| p.is_file()) else {
+        let Some(path) = places.iter().find(|p| input::is_there(p)) else {
             return Err(PipelineError::request_hint(
                 format!("{}: there is no such file", places[0].display()),
                 "a robot is described beside its recordings: total_mass_kg, model: {urdf: …}, imu, noise",
             ));
         };
-        let read = |p: &Path| std::fs::read_to_string(p).map_err(PipelineError::io("read", p));
-        let text = read(path)?;
-        let description: RobotDescription = parse_yaml(&path.display().to_string(), &text)?;
-        refuse_slips(&path.display().to_string(), &text)?;
+        let text = input::text(path)?;
+        let name = path.display().to_string();
+        let all: serde_yaml::Value = parse_yaml(&name, &text)?;
+        refuse_unknown(&keys::ROBOT, &name, &text, &all)?;
+        gravity_is_down(&name, &text, &all)?;
+        let description: RobotDescription = parse_yaml(&name, &text)?;
         let folder = path.parent().unwrap_or(data);
         let named = [&description.model.urdf, &description.model.mjcf];
         let files: Vec<PathBuf> = named.into_iter().flatten().map(|name| folder.join(name)).collect();
@@ -91,10 +77,11 @@ impl RobotSetup {
             ));
         };
         let shown = first.strip_prefix(folder).unwrap_or(first).display().to_string();
-        let mut model = RobotModel::parse(&shown, &read(first)?).map_err(|e| PipelineError::request(e.to_string()))?;
+        let mut model =
+            RobotModel::parse(&shown, &input::text(first)?).map_err(|e| PipelineError::request(e.to_string()))?;
         // URDF has no reflected inertia: take it from the MJCF of the same robot
         if let [_, second] = files.as_slice()
-            && let Ok(other) = RobotModel::parse(&second.display().to_string(), &read(second)?)
+            && let Ok(other) = RobotModel::parse(&second.display().to_string(), &input::text(second)?)
         {
             for joint in &mut model.joints {
                 if let Some(twin) = other.joint(&joint.name).filter(|_| joint.armature == 0.0) {
