@@ -3,6 +3,7 @@
 
 use crate::inspect::read_contents;
 use aloft_c3d::C3dFile;
+use aloft_export::csv_cell;
 use aloft_study::nearest::hint;
 use aloft_study::quote;
 use aloft_trial::Trial;
@@ -155,12 +156,9 @@ impl Values {
 
     /// The values as CSV: frame, time from the first row, columns; empty cells where missing.
     pub fn to_csv(&self) -> String {
-        let quoted = |name: &str| {
-            if name.contains([',', '"', '\n']) { format!("\"{}\"", name.replace('"', "\"\"")) } else { name.to_owned() }
-        };
         let mut out = String::from("frame,time_s");
         for c in &self.columns {
-            let _ = write!(out, ",{}", quoted(&c.name));
+            let _ = write!(out, ",{}", csv_cell(&c.name));
         }
         for row in 0..self.rows() {
             let _ = write!(out, "\n{},{}", self.first as usize + row, row as f64 / self.rate_hz);

@@ -55,6 +55,7 @@ mod spec;
 pub mod state;
 pub mod subject;
 mod urdf;
+mod xml;
 
 pub use base_parameters::{BaseParameter, BaseParameters};
 pub use batch::{FrameBatch, FrameBlock, LANES};
@@ -65,3 +66,4 @@ pub use model::{Joint, JointKind, JointSpec, Link, LinkSpec, Model, ModelSpec, S
 pub use motion::Motion;
 pub use state::State;
 pub use subject::{EstimatedPoints, LinkBox, ModelMarker, PersonFacts, Sex, Subject};
+pub use xml::check_xml;

@@ -14,8 +14,9 @@ impl ModelSpec {
     /// Text that is not URDF, planar joints, floating joints elsewhere, a tree without a root, with
     /// two roots or with a loop.
     pub fn from_urdf(text: &str) -> Result<Self, BodyError> {
-        let robot = urdf_rs::read_from_string(text)
-            .map_err(|error| BodyError::Spec { model: "URDF".to_owned(), problem: error.to_string() })?;
+        let wrong = |problem: String| BodyError::Spec { model: "URDF".to_owned(), problem };
+        crate::check_xml(text).map_err(wrong)?;
+        let robot = urdf_rs::read_from_string(text).map_err(|error| wrong(error.to_string()))?;
         from_robot(&robot)
     }
 }

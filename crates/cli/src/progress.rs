@@ -2,6 +2,7 @@
 
 use aloft_pipeline::progress::{Forecast, Plan, Progress};
 use aloft_pipeline::runner::{Ended, TaskReport};
+use aloft_study::quote::visible;
 use aloft_study::recordings::SessionId;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::Mutex;
@@ -92,7 +93,7 @@ impl Bars {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
         bar.set_prefix(forecast.seconds_left().map_or(String::new(), |s| format!("{} left", duration(s))));
-        bar.set_message(message);
+        bar.set_message(visible(&message));
     }
 }
 

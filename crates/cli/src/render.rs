@@ -2,15 +2,55 @@
 
 use crate::stop::Stop;
 use aloft_analysis::parameters::half_of;
-use aloft_study::quote::visible;
-use std::io::Write;
+use aloft_study::quote::{acts_on_terminal, visible};
+use std::borrow::Cow;
+use std::io::{IsTerminal, Write};
 
 pub use crate::screen::table;
 pub use aloft_analysis::wording::unit;
 pub use aloft_compare::significant;
 
+/// A text for the screen: every character that acts on a terminal is escaped, except line breaks,
+/// tabs and, where colour is shown, sequences of colour. Names of files, markers and links come from
+/// others; nothing that they contain may move the cursor or change what was printed.
+fn harmless(text: &str, colour: bool) -> Cow<'_, str> {
+    let acts = |c: char| acts_on_terminal(c) && !matches!(c, '\n' | '\t');
+    if !text.contains(acts) {
+        return text.into();
+    }
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    while let Some(at) = rest.find(acts) {
+        out.push_str(&rest[..at]);
+        rest = &rest[at..];
+        let length = if colour { colour_sequence(rest) } else { None };
+        match (length, rest.chars().next()) {
+            (Some(length), _) => {
+                out.push_str(&rest[..length]);
+                rest = &rest[length..];
+            }
+            (None, Some(c)) => {
+                out.extend(c.escape_default());
+                rest = &rest[c.len_utf8()..];
+            }
+            (None, None) => break,
+        }
+    }
+    out.push_str(rest);
+    out.into()
+}
+
+/// Length of the sequence that sets colour or weight at the beginning of a text, if there is one.
+fn colour_sequence(text: &str) -> Option<usize> {
+    let codes = text.strip_prefix("\u{1b}[")?;
+    let end = codes.find(|c: char| !c.is_ascii_digit() && c != ';')?;
+    codes[end..].starts_with('m').then_some(2 + end + 1)
+}
+
 /// Prints to stdout; a closed pipe ends the command without a message.
 pub fn out(text: impl std::fmt::Display) -> Result<(), Stop> {
+    let text = text.to_string();
+    let text = harmless(&text, std::io::stdout().is_terminal());
     writeln!(std::io::stdout(), "{text}").map_err(|e| match e.kind() {
         std::io::ErrorKind::BrokenPipe => Stop::PipeClosed,
         _ => Stop::Error(miette::miette!("cannot write to the standard output: {e}")),
@@ -37,7 +77,8 @@ pub fn brief_note(text: impl std::fmt::Display) {
 /// Prints a command that can be copied to a shell: line breaks in names are inside quotes, a long
 /// command continues on the next line.
 pub fn command(label: &str, text: &str) {
-    let _ = writeln!(std::io::stderr(), "{}", crate::screen::command_lines(&format!("{label}: "), &words_of(text)));
+    let lines = crate::screen::command_lines(&format!("{label}: "), &words_of(text));
+    let _ = writeln!(std::io::stderr(), "{}", harmless(&lines, false));
 }
 
 /// The words of a command, as a shell separates them; their quotes are kept.
@@ -63,7 +104,8 @@ fn words_of(command: &str) -> Vec<String> {
 
 /// Prints an error with its location and hint.
 pub fn error(report: &miette::Report) {
-    let _ = writeln!(std::io::stderr(), "{report:?}");
+    let text = format!("{report:?}");
+    let _ = writeln!(std::io::stderr(), "{}", harmless(&text, std::io::stderr().is_terminal()));
 }
 
 /// Half-width of a 95 % interval with two significant digits; a dash if there is none.
@@ -87,7 +129,18 @@ pub fn beside(value: f64, ci95: Option<[f64; 2]>) -> String {
 pub fn json<T: serde::Serialize>(value: &T) -> Result<(), Stop> {
     let text =
         serde_json::to_string_pretty(value).map_err(|e| Stop::Error(miette::miette!("cannot write JSON: {e}")))?;
-    out(text)
+    out(escaped_json(&text))
+}
+
+/// The same JSON with characters that act on a terminal as escapes of JSON: serde escapes only those
+/// below U+0020.
+fn escaped_json(text: &str) -> Cow<'_, str> {
+    let acts = |c: char| acts_on_terminal(c) && c != '\n';
+    if !text.contains(acts) {
+        return text.into();
+    }
+    let escaped = |c: char| if acts(c) { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() };
+    text.chars().map(escaped).collect::<String>().into()
 }
 
 #[cfg(test)]
@@ -98,6 +151,20 @@ mod tests {
     fn a_command_is_split_where_a_shell_splits_it() {
         let words = words_of(r"aloft effect add 'my lab/p.yaml' 'tether[pelvis]' 'it'\''s a trial'");
         assert_eq!(words, ["aloft", "effect", "add", "'my lab/p.yaml'", "'tether[pelvis]'", r"'it'\''s a trial'"]);
+    }
+
+    #[test]
+    fn nothing_in_a_name_acts_on_the_terminal() {
+        let name = "a\u{1b}[2J\u{9b}1m\u{202e}\u{7}b\n\tc";
+        assert_eq!(harmless(name, true), "a\\u{1b}[2J\\u{9b}1m\\u{202e}\\u{7}b\n\tc");
+        assert_eq!(harmless("\u{1b}[31;1mred\u{1b}[0m", true), "\u{1b}[31;1mred\u{1b}[0m");
+        assert_eq!(harmless("\u{1b}[31mred", false), "\\u{1b}[31mred");
+        for cut in ["\u{1b}", "\u{1b}[", "\u{1b}[3", "\u{1b}]0;title\u{7}"] {
+            assert!(!harmless(cut, true).contains(['\u{1b}', '\u{7}']), "{cut:?}");
+        }
+        let json = escaped_json("{\"a\u{9b}\": 1}\n").into_owned();
+        assert_eq!(json, "{\"a\\u009b\": 1}\n");
+        assert!(serde_json::from_str::<serde_json::Value>(&json).is_ok());
     }
 
     #[test]

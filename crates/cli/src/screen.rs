@@ -5,6 +5,7 @@
 
 use crate::stop::Stop;
 use aloft_compare::Signal;
+use aloft_study::quote::{acts_on_terminal, visible};
 use std::fmt;
 use std::io::IsTerminal;
 
@@ -108,16 +109,21 @@ pub struct Cell {
     signal: Option<Signal>,
 }
 
+/// A name in a cell stays on its line and has no colour of its own.
+fn shown(text: String) -> String {
+    if text.contains(acts_on_terminal) { visible(&text) } else { text }
+}
+
 impl<T: Into<String>> From<T> for Cell {
     fn from(text: T) -> Self {
-        Self { text: text.into(), signal: None }
+        Self { text: shown(text.into()), signal: None }
     }
 }
 
 impl Cell {
     /// A value in the colour of a judgement.
     pub fn judged(text: impl Into<String>, signal: Signal) -> Self {
-        Self { text: text.into(), signal: Some(signal) }
+        Self { text: shown(text.into()), signal: Some(signal) }
     }
 }
 

@@ -47,6 +47,7 @@ pub use error::ExportError;
 pub use format::{Format, OutFile};
 pub use formats::FORMATS;
 pub use loads::PlateAtFrames;
+pub use names::{csv_cell, no_formula};
 pub use number::with_half;
 pub use subject::{InertiaSource, LinkKnown, OsimFile, RobotFile, SubjectExport};
 pub use trial::{FileCoordinates, SourceFile, TrialExport};

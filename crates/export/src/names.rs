@@ -143,6 +143,22 @@ pub(crate) fn bids(text: &str) -> String {
     format!("{plain}Z{code}")
 }
 
+/// A text that no spreadsheet computes: one that begins like a formula (`= + - @`, a tab or a
+/// carriage return) and is no number gets an apostrophe in front, which spreadsheets take as "text".
+/// Names of recordings and markers come from others, and a formula in one could call a program or
+/// an address.
+pub fn no_formula(text: &str) -> std::borrow::Cow<'_, str> {
+    let formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']) && text.parse::<f64>().is_err();
+    if formula { format!("'{text}").into() } else { text.into() }
+}
+
+/// A text as a cell of CSV: no formula, and in quotes where it holds a comma, a quote or a line
+/// break.
+pub fn csv_cell(text: &str) -> String {
+    let text = no_formula(text);
+    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into_owned() }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

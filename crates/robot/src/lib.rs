@@ -34,6 +34,7 @@ mod smoother;
 mod subject;
 mod table;
 pub mod torque;
+mod unpack;
 
 pub use check::check;
 pub use clock::{RoughOffset, rough_offset};

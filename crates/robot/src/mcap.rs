@@ -4,13 +4,11 @@
 //! that the whole workspace shares. Chunks may be plain or compressed with lz4 or zstd. The index
 //! at the end of a file is not needed and not read. Format: <https://mcap.dev/spec>.
 
-use crate::RobotError;
+use crate::{RobotError, unpack};
 use std::collections::BTreeMap;
 use std::io::Read;
 
 const MAGIC: [u8; 8] = [0x89, b'M', b'C', b'A', b'P', 0x30, b'\r', b'\n'];
-/// Largest chunk that is unpacked, bytes: a damaged length must not take all memory.
-const LARGEST_CHUNK: u64 = 1 << 30;
 
 /// A topic of one type in one encoding.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -50,6 +48,9 @@ struct Reader {
     channels: BTreeMap<u64, Channel>,
     messages: usize,
     ended: bool,
+    /// Bytes of the file, and of its chunks so far.
+    packed: usize,
+    unpacked: usize,
 }
 
 /// True for the first bytes of an MCAP file.
@@ -67,7 +68,7 @@ pub fn channels(file: &str, bytes: &[u8]) -> Result<Vec<Channel>, RobotError> {
     if !is_mcap(bytes) {
         return Err(fail("its first bytes are not those of an MCAP file".to_owned()));
     }
-    let mut reader = Reader::default();
+    let mut reader = Reader { packed: bytes.len(), ..Reader::default() };
     let whole = reader.records(&bytes[MAGIC.len()..]).map_err(&fail)?;
     if !(whole && reader.ended) {
         return Err(fail(format!(
@@ -125,6 +126,10 @@ impl Reader {
                 let compression = fields.text()?;
                 let n = usize::try_from(fields.number(8)?).ok()?;
                 let packed = fields.take(n)?;
+                self.unpacked = self.unpacked.saturating_add(usize::try_from(size).unwrap_or(usize::MAX));
+                if self.unpacked > unpack::most(self.packed) {
+                    return Some(Err(unpack::too_much(self.packed)));
+                }
                 let records = match unpacked(&compression, packed, size) {
                     Ok(records) => records,
                     Err(problem) => return Some(Err(format!("{problem} (after {} messages)", self.messages))),
@@ -147,9 +152,6 @@ impl Reader {
 
 /// The records of a chunk.
 fn unpacked(compression: &str, packed: &[u8], size: u64) -> Result<Vec<u8>, String> {
-    if size > LARGEST_CHUNK {
-        return Err(format!("a chunk states {size} bytes, more than {LARGEST_CHUNK}"));
-    }
     let mut out = Vec::new();
     let read = match compression {
         "" => return Ok(packed.to_vec()),

@@ -1,7 +1,6 @@
 //! Tables of numbers as robots log them: CSV with a header, plain or compressed with gzip.
 
-use crate::RobotError;
-use std::io::Read;
+use crate::{RobotError, unpack};
 
 /// Columns of equal length with their names. Missing values are NaN.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -23,17 +22,14 @@ impl Columns {
     /// [`aloft_trial::missing`]) are missing.
     ///
     /// # Errors
-    /// [`RobotError::Table`] for a damaged archive, a row with another number of fields, a field
+    /// [`RobotError::Table`] for a damaged archive or one that unpacks to far more than a table does, a row with another number of fields, a field
     /// that is not a number, a column name that occurs twice, and a file without rows.
     pub fn from_csv(file: &str, bytes: &[u8]) -> Result<Self, RobotError> {
         let problem = |line: Option<u64>, problem: String| RobotError::Table { file: file.to_owned(), line, problem };
         let unpacked;
         let bytes = if bytes.starts_with(&[0x1f, 0x8b]) {
-            let mut out = Vec::new();
-            flate2::read::MultiGzDecoder::new(bytes)
-                .read_to_end(&mut out)
-                .map_err(|e| problem(None, format!("the gzip archive is damaged after {} bytes: {e}", out.len())))?;
-            unpacked = out;
+            let stream = flate2::read::MultiGzDecoder::new(bytes);
+            unpacked = unpack::all(stream, bytes.len()).map_err(|e| problem(None, e))?;
             unpacked.as_slice()
         } else {
             bytes

@@ -2,6 +2,7 @@
 //! its `MarkerData`.
 
 use crate::config::{HEIGHT_M, MASS_KG};
+use aloft_workspace::input;
 use serde_yaml::Value;
 use std::path::{Path, PathBuf};
 
@@ -39,7 +40,8 @@ pub fn beside(data: &Path) -> Option<PathBuf> {
 
 /// Reads the metadata; nothing where the file cannot be read.
 pub fn read(path: &Path) -> Metadata {
-    let value = std::fs::read_to_string(path).ok().and_then(|t| serde_yaml::from_str::<Value>(&t).ok());
+    let value =
+        input::text(path).ok().and_then(|t| crate::ranges::parse_yaml::<Value>(&path.display().to_string(), &t).ok());
     let Some(value) = value else { return Metadata::default() };
     let text = |key: &str| value.get(key).and_then(Value::as_str).map(str::trim).filter(|t| !t.is_empty());
     let number = |key: &str, (low, high): (f64, f64)| {

@@ -2,6 +2,7 @@
 //! parsing, for which the place is found again in the text.
 
 use crate::nearest::nearest;
+use crate::quote::acts_on_terminal;
 use aloft_workspace::error::PipelineError;
 use miette::{NamedSource, SourceOffset, SourceSpan};
 use serde::de::{DeserializeSeed, Deserializer, Error, IgnoredAny, MapAccess, SeqAccess, Visitor};
@@ -114,19 +115,54 @@ pub fn error_at(
     hint: Option<String>,
 ) -> PipelineError {
     let line = at.map(|(byte, _)| text[..byte.min(text.len())].matches('\n').count() + 1);
-    PipelineError::Config {
-        file: file.to_owned(),
-        problem: line.map_or_else(|| problem.to_owned(), |l| format!("line {l}: {problem}")),
-        text: NamedSource::new(file, text.to_owned()),
-        at: at.map(|(byte, length)| SourceSpan::new(SourceOffset::from(byte), length)),
-        hint,
-    }
+    let problem = line.map_or_else(|| problem.to_owned(), |l| format!("line {l}: {problem}"));
+    quoted(file, text, at, problem, hint)
+}
+
+/// Columns of a line up to which the place in it is shown below a message; a longer line takes the
+/// screen, and the library that draws it fails beyond column 65,535.
+const LONGEST_SHOWN: usize = 500;
+
+/// A configuration error that quotes the text at a byte, if its line and those beside it are short
+/// enough to be read.
+fn quoted(file: &str, text: &str, at: Option<(usize, usize)>, problem: String, hint: Option<String>) -> PipelineError {
+    let short = |byte: usize| {
+        let begin = text.get(..byte)?.rfind('\n').map_or(0, |n| text[..n].rfind('\n').map_or(0, |m| m + 1));
+        let all = text[begin..].lines();
+        let own = text[begin..byte].matches('\n').count();
+        all.take(own + 2)
+            .all(|line| line.len() <= LONGEST_SHOWN)
+            .then(|| text[byte..].lines().next().map_or(0, str::len))
+    };
+    let at = at.and_then(|(byte, length)| {
+        let rest = short(byte)?;
+        Some(SourceSpan::new(SourceOffset::from(byte), length.min(rest.max(1))))
+    });
+    let problem = match problem.char_indices().nth(LONGEST_SHOWN) {
+        Some((end, _)) => format!("{}…", &problem[..end]),
+        None => problem,
+    };
+    // of a text that is not quoted only the name is needed
+    let text = if at.is_some() { shown_as_text(text) } else { String::new() };
+    PipelineError::Config { file: file.to_owned(), problem, text: NamedSource::new(file, text), at, hint }
+}
+
+/// A text of the same length without characters that act on a terminal.
+fn shown_as_text(text: &str) -> String {
+    let same_length = |c: char| match c.len_utf8() {
+        1 => '?',
+        2 => '¿',
+        _ => '\u{fffd}',
+    };
+    let plain = |c: char| matches!(c, '\n' | '\r' | '\t') || !acts_on_terminal(c);
+    text.chars().map(|c| if plain(c) { c } else { same_length(c) }).collect()
 }
 
 /// What the parser says, with its place.
 pub(crate) fn not_yaml(file: &str, text: &str, error: &serde_yaml::Error) -> PipelineError {
     let at = error.location().map(|l| {
-        SourceSpan::new(SourceOffset::from_location(text, l.line(), l.column()), token_length(text, l.index()))
+        let byte = SourceOffset::from_location(text, l.line(), l.column()).offset();
+        (byte.min(text.len()), token_length(text, l.index()))
     });
     let full = error.to_string();
     let hint = meant(&full);
@@ -138,7 +174,7 @@ pub(crate) fn not_yaml(file: &str, text: &str, error: &serde_yaml::Error) -> Pip
         Some(l) => format!("line {}: {problem}", l.line()),
         None => problem,
     };
-    PipelineError::Config { file: file.to_owned(), problem, text: NamedSource::new(file, text.to_owned()), at, hint }
+    quoted(file, text, at, problem, hint)
 }
 
 /// The known name nearest to one that the parser does not know.
@@ -203,16 +239,7 @@ pub fn error_at_item(
     let own = list.iter().find(|(_, _, l)| l.starts_with("- ")).map_or(0, |(_, indent, _)| *indent);
     let mut items = list.iter().filter(|(_, indent, l)| *indent == own && l.starts_with("- "));
     match below.and_then(|_| items.nth(item)) {
-        Some((begin, _, line)) => {
-            let number = text[..*begin].matches('\n').count() + 1;
-            PipelineError::Config {
-                file: file.to_owned(),
-                problem: format!("line {number}: {}", problem.into()),
-                text: NamedSource::new(file, text.to_owned()),
-                at: Some(SourceSpan::new(SourceOffset::from(*begin), line.len())),
-                hint,
-            }
-        }
+        Some((begin, _, line)) => error_at(file, text, Some((*begin, line.len())), &problem.into(), hint),
         None => error_at_key(file, text, key, problem, hint),
     }
 }
@@ -250,5 +277,36 @@ mod tests {
         assert_eq!(of("b[0].y[1]", "q r", 2), 'r');
         assert_eq!(of("b[1].x", "plain * text", 6), '*');
         assert_eq!(of("b[1].z", "folded", 3), 'd');
+    }
+
+    fn drawn(text: &str) -> String {
+        let error = crate::ranges::parse_yaml::<serde_yaml::Value>("p.yaml", text).unwrap_err();
+        format!("{:?}", miette::Report::new(error))
+    }
+
+    #[test]
+    fn regress_an_error_far_to_the_right_is_reported_without_its_line() {
+        // the library that draws the place fails beyond column 65,535
+        for far in [10, 400, 499, 501, 65_530, 65_540, 300_000] {
+            for text in [
+                format!("{}[: ", "a ".repeat(far)),
+                format!("a: {}\nb: [}}\n", "x".repeat(far)),
+                format!("b: [}}\na: {}\n", "x".repeat(far)),
+                format!("{}: [}}", "ä".repeat(far)),
+                format!("a: \"{}\" x: [}}", "\t".repeat(far)),
+                format!("a: {{b: c, {}", "}".repeat(far)),
+            ] {
+                let shown = drawn(&text);
+                assert!(shown.contains("p.yaml"), "{far}: {shown}");
+                assert!(shown.len() < 20_000, "{far}: {} bytes", shown.len());
+            }
+        }
+    }
+
+    #[test]
+    fn a_quoted_line_cannot_act_on_the_terminal() {
+        let shown = drawn("a: \u{9b}31m\u{202e}\n[\n");
+        assert!(!shown.contains(['\u{9b}', '\u{202e}']), "{shown:?}");
+        assert!(!drawn("a: \u{1b}[31m\n[\n").contains("\u{1b}[31m\n"));
     }
 }

@@ -99,15 +99,18 @@ pub fn yaml_quoted(text: &str) -> String {
     out
 }
 
+/// True for characters that a terminal obeys instead of showing them: control characters, breaks of
+/// lines and paragraphs, and those that turn the direction of writing.
+pub fn acts_on_terminal(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{2028}' | '\u{2029}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
 /// A text on one line, for comments and tables: control characters are escaped as in source code.
 pub fn visible(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
-        if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') {
-            out.extend(c.escape_default())
-        } else {
-            out.push(c)
-        }
+        if acts_on_terminal(c) { out.extend(c.escape_default()) } else { out.push(c) }
     }
     out
 }

@@ -26,6 +26,7 @@ pub struct Outside {
 /// Parses YAML with errors that point at the place. A number that is none (NaN, infinite) is
 /// refused wherever it stands.
 pub fn parse_yaml<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, PipelineError> {
+    too_deep(file, text)?;
     let value = serde_yaml::from_str(text).map_err(|error| not_yaml(file, text, &error))?;
     finite(file, text)?;
     Ok(value)
@@ -36,6 +37,7 @@ pub fn parse_yaml<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, Pipe
 /// # Errors
 /// Points at the place of the invalid value.
 pub fn parse<T: DeserializeOwned + JsonSchema>(file: &str, text: &str) -> Result<T, PipelineError> {
+    too_deep(file, text)?;
     let mut value: Value = serde_yaml::from_str(text).map_err(|error| not_yaml(file, text, &error))?;
     old_names::replace(&mut value);
     match outside::<T>(&value) {
@@ -57,6 +59,41 @@ pub fn finite(file: &str, text: &str) -> Result<(), PipelineError> {
         Some(o) => Err(shown(file, text, &o)),
         None => Ok(()),
     }
+}
+
+/// Deepest nesting of lists and mappings: that at which the parser gives up in any case. Before it
+/// does, the time that it takes grows with the square of the depth.
+const DEEPEST: usize = 128;
+
+/// Refuses YAML that is nested so deeply that the parser would take seconds over it. Brackets
+/// within quotes and comments count, too: no text of either kind opens as many without closing
+/// them. In block style each level takes at least one column of indentation or one of `- ? :`
+/// followed by a space.
+fn too_deep(file: &str, text: &str) -> Result<(), PipelineError> {
+    let told = |at: usize| {
+        let problem = format!("lists and mappings are nested deeper than {DEEPEST}");
+        Err(error_at(file, text, Some((at, 1)), &problem, None))
+    };
+    let mut depth = 0_usize;
+    for (at, byte) in text.bytes().enumerate() {
+        match byte {
+            b'[' | b'{' => depth += 1,
+            b']' | b'}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        if depth > DEEPEST {
+            return told(at);
+        }
+    }
+    let mut at = 0;
+    for line in text.split_inclusive('\n') {
+        let marks = line.split_whitespace().take_while(|word| matches!(*word, "-" | "?" | ":")).count();
+        if marks > DEEPEST {
+            return told(at);
+        }
+        at += line.len();
+    }
+    Ok(())
 }
 
 fn shown(file: &str, text: &str, o: &Outside) -> PipelineError {

@@ -139,18 +139,21 @@ pub fn write_frame(frame: &mut DataFrame, path: &Path) -> Result<(), PipelineErr
     file.flush().map_err(PipelineError::io("write", path))
 }
 
-/// Writes any frame as CSV; missing values are empty fields.
+/// Writes any frame as CSV; missing values are empty fields, texts that a spreadsheet would compute
+/// as formulas begin with an apostrophe.
 pub fn write_csv(frame: &mut DataFrame, path: &Path) -> Result<(), PipelineError> {
     let problem = |problem: String| PipelineError::Table { path: path.to_path_buf(), problem };
     let mut writer = csv::Writer::from_writer(disk::create(path)?);
     let columns = frame.columns();
-    writer.write_record(columns.iter().map(|c| c.name().as_str())).map_err(|e| problem(e.to_string()))?;
+    writer
+        .write_record(columns.iter().map(|c| aloft_export::no_formula(c.name().as_str()).into_owned()))
+        .map_err(|e| problem(e.to_string()))?;
     for row in 0..frame.height() {
         let field = |c: &Column| -> Result<String, PipelineError> {
             Ok(match c.get(row).map_err(|e| problem(e.to_string()))? {
                 AnyValue::Null => String::new(),
-                AnyValue::String(text) => text.to_owned(),
-                AnyValue::StringOwned(text) => text.to_string(),
+                AnyValue::String(text) => aloft_export::no_formula(text).into_owned(),
+                AnyValue::StringOwned(text) => aloft_export::no_formula(&text).into_owned(),
                 AnyValue::Float64(value) => format!("{value:?}"),
                 other => other.to_string(),
             })

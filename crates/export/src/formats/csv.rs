@@ -1,6 +1,7 @@
 //! Wide CSV: one row per frame, one column per series, units in the headings.
 
 use crate::channels::channels;
+use crate::names::csv_cell;
 use crate::number::fixed;
 use crate::{ExportError, Format, OutFile, SubjectExport, TrialExport};
 
@@ -15,13 +16,10 @@ pub static FORMAT: Format = Format {
 
 fn write(subject: &SubjectExport, trial: &TrialExport) -> Result<Vec<OutFile>, ExportError> {
     let channels = channels(subject, trial);
-    let quoted = |heading: String| {
-        if heading.contains([',', '"', '\n', '\r']) { format!("\"{}\"", heading.replace('"', "\"\"")) } else { heading }
-    };
     let mut text = "frame,time [s],in_flight".to_owned();
     for channel in &channels {
         text.push(',');
-        text.push_str(&quoted(channel.heading()));
+        text.push_str(&csv_cell(&channel.heading()));
     }
     text.push('\n');
     for f in 0..trial.n_frames() {

@@ -98,7 +98,7 @@ fn marker_errors(trial: &TrialExport) -> OutFile {
     let empty = aloft_body::Motion::default();
     let motion = trial.motion.as_ref().unwrap_or(&empty);
     for label in &motion.marker_labels {
-        csv.push_str(&format!(",{} [m]", names::label(label)));
+        csv.push_str(&format!(",{}", names::csv_cell(&format!("{} [m]", names::label(label)))));
     }
     csv.push('\n');
     let n = motion.marker_labels.len();
