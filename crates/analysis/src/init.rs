@@ -22,6 +22,7 @@ use aloft_study::quote;
 use aloft_study::recordings::{is_bids, recordings_below, trial_names};
 use aloft_trial::Trial;
 use aloft_workspace::error::PipelineError;
+use aloft_workspace::input;
 use nalgebra::Vector3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -304,11 +305,21 @@ fn write(
     let roles::Roles { statics, spare, calibration, identify, validate, apart_mm } =
         roles::roles(seen, is_object, !layout.subjects.is_empty());
     let rest: Vec<&Determination> = identify.iter().chain(&validate).copied().collect();
+    if identify.is_empty() {
+        let none = format!("{}: no recording to identify from among {}", folder.display(), seen.len());
+        // what was left out may be the motion: a pipeline without it would only seem to be one
+        if let Some(group) = not_used.iter().find(|g| !g.names.is_empty()) {
+            let hint = format!("{} {}", group.why, aloft_pipeline::recording::abridged(&group.names));
+            return Err(PipelineError::request_hint(none, hint));
+        }
+        notes.push(format!("{none}: `identify` is empty; name recordings of free flight or contact there"));
+    }
     let plates = seen.iter().map(|s| s.trial.plates.len()).max().unwrap_or(0);
     let rates: BTreeSet<String> = seen.iter().map(|s| format!("{}", s.trial.markers.rate_hz)).collect();
     let data = data_path(folder, target);
-    let has_facts = ["subject.yaml", "object.yaml", "participants.tsv"].iter().find(|f| folder.join(f).is_file());
-    let own_facts = layout.subjects.iter().all(|s| folder.join(s).join("subject.yaml").is_file());
+    let has_facts =
+        ["subject.yaml", "object.yaml", "participants.tsv"].iter().find(|f| input::is_there(&folder.join(f)));
+    let own_facts = layout.subjects.iter().all(|s| input::is_there(&folder.join(s).join("subject.yaml")));
     let mut t = String::new();
     let mut line = |s: String| {
         let _ = writeln!(t, "{s}");

@@ -381,3 +381,78 @@ fn recordings_of_any_names_share_no_file() {
     assert_ne!(of("s_1", None), of("s1", None));
     assert_ne!(of("s1", Some("a_b")), of("s1", Some("a.b")));
 }
+
+/// How a format is read again.
+enum Again {
+    /// As a recording, in metres.
+    Recording(Trial),
+    /// As a model of this mass, kg.
+    Model(f64),
+    /// It holds results, which are no input.
+    Results,
+}
+
+fn again(format: &str, files: &[aloft_export::OutFile]) -> Again {
+    let options = ImportOptions::default();
+    let bytes_of = |end: &str| files.iter().find(|f| f.path.ends_with(end)).map(|f| f.bytes.as_slice());
+    let mass = |spec: &aloft_body::ModelSpec| spec.inertias().unwrap().iter().map(|i| i.mass_kg).sum();
+    match format {
+        "trc" => Again::Recording(Trial::from_trc_mot("t", text(files, ".trc"), None, &options).unwrap()),
+        "c3d" => Again::Recording(Trial::from_c3d("t", bytes_of(".c3d").unwrap(), &options).unwrap()),
+        "bids" => {
+            let about: serde_json::Value = serde_json::from_str(text(files, "_motion.json")).unwrap();
+            let source = aloft_trial::BidsMotion {
+                motion: text(files, "_motion.tsv"),
+                channels: text(files, "_channels.tsv"),
+                rate_hz: about["SamplingFrequency"].as_f64(),
+                duration_s: about["RecordingDuration"].as_f64(),
+                spatial_axes: None,
+            };
+            Again::Recording(Trial::from_bids_motion("t", &source, &options).unwrap())
+        }
+        "forces" => {
+            // read beside markers: see `trc_and_unfiltered_forces_come_back_as_they_went_in`
+            let forces = Trial::contents_of_mot("t", text(files, "_grf.mot"), &options).unwrap();
+            assert!(!forces.plates.is_empty());
+            Again::Results
+        }
+        "urdf" => Again::Model(mass(&aloft_body::ModelSpec::from_urdf(text(files, ".urdf")).unwrap())),
+        "mjcf" => {
+            // our reader is for robots, whose logs have no ball joints: it says so
+            let problem = aloft_robot::RobotModel::parse("m.xml", text(files, "Models/P_01.xml")).unwrap_err();
+            assert!(problem.to_string().contains("ball"), "{problem}");
+            Again::Results
+        }
+        "osim" => {
+            let model = aloft_robot::osim::OsimModel::parse("m.osim", text(files, "Models/P_01.osim")).unwrap();
+            Again::Model(aloft_robot::osim::RigidTree::of(&model, None).unwrap().mass_kg())
+        }
+        "mot" | "sto" | "parquet" | "csv" => Again::Results,
+        other => panic!("say here how an export in the format `{other}` is read again, or that it is not"),
+    }
+}
+
+#[test]
+fn regress_every_format_that_is_written_and_read_comes_back() {
+    let s = subject(Convention::Model);
+    let t = trial(&s, &[]);
+    for format in FORMATS {
+        match again(format.name, &written(format.name, &s, &t)) {
+            Again::Recording(back) => {
+                assert_eq!((back.markers.rate_hz, back.markers.n_frames), (RATE_HZ, FRAMES), "{}", format.name);
+                assert_eq!(back.warnings, [], "{}", format.name);
+                for (label, path) in t.trial.markers.labels.iter().zip(&t.trial.markers.trajectories) {
+                    let i = back.markers.index(label).unwrap_or_else(|| panic!("{}: {label}", format.name));
+                    for (a, b) in back.markers.trajectories[i].iter().zip(path) {
+                        assert!((a - b).norm() < 1e-6 || (a.x.is_nan() && b.x.is_nan()), "{}: {a} {b}", format.name);
+                    }
+                }
+            }
+            Again::Model(mass_kg) => {
+                let exported: f64 = s.links.iter().map(|l| l.mass_kg).sum();
+                assert!((mass_kg / exported - 1.0).abs() < 1e-6, "{}: {mass_kg} {exported}", format.name);
+            }
+            Again::Results => {}
+        }
+    }
+}

@@ -204,6 +204,7 @@ fn read_channels(trial: &mut Trial, text: &str, options: &ImportOptions) -> Resu
     let mut channels: Vec<Channel> = Vec::new();
     let mut rate = None;
     let mut n_columns = 0;
+    let mut without_axis = 0;
     let rows: Vec<(usize, &str)> = lines.enumerate().filter(|(_, l)| !l.trim().is_empty()).collect();
     let open_end = !text.ends_with(['\n', '\r']);
     for (at, (index, line)) in rows.iter().copied().enumerate() {
@@ -215,6 +216,11 @@ fn read_channels(trial: &mut Trial, text: &str, options: &ImportOptions) -> Resu
         }
         let cell = |at: usize| cells.get(at).copied().unwrap_or("");
         if !cell(type_at).eq_ignore_ascii_case("POS") {
+            continue;
+        }
+        // a coordinate along a joint, not one of a point in space
+        if matches!(cell(component_at), "" | "n/a" | "N/A") {
+            without_axis += 1;
             continue;
         }
         let axis = match cell(component_at) {
@@ -247,6 +253,13 @@ fn read_channels(trial: &mut Trial, text: &str, options: &ImportOptions) -> Resu
         };
         rate = rate.or_else(|| place("sampling_frequency").and_then(|at| cell(at).parse().ok()));
         channels.push(Channel { column, marker, axis, metres });
+    }
+    if without_axis > 0 {
+        let channels = if without_axis == 1 { "channel" } else { "channels" };
+        let message = format!(
+            "_channels.tsv: {without_axis} {channels} of type POS with the component n/a: not points in space, not read"
+        );
+        trial.warn(WarningKind::Missing, message);
     }
     Ok((labels, channels, rate, n_columns))
 }

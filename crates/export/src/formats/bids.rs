@@ -7,7 +7,8 @@
 //! contain only letters and digits; characters dropped from a name are encoded after `desc-aloft`
 //! (`throws_01`: task throws, run 01, `desc-aloft6u`: byte 6 was `_`; `d` for `-`, `p` for `.`, `s`
 //! for a blank, `x` with two hexadecimal digits for others), so that no two recordings share a
-//! name. Missing values are `n/a`. BIDS has no force plates, so forces are of type MISC.
+//! name. Missing values are `n/a`. BIDS has no force plates, so forces are of type MISC, and so are
+//! translations along joints, which are no positions of points.
 
 use crate::channels::{Channel, channels};
 use crate::number::fixed;
@@ -103,7 +104,8 @@ fn kind(channel: &Channel) -> Option<&'static str> {
     Some(match channel.quantity {
         "marker" | "joint_centre" | "centre_of_mass" | "centre_of_pressure" => "POS",
         "orientation" => "ORNT",
-        "coordinate" if channel.unit == "m" => "POS",
+        // a translation along a joint is no position of a point
+        "coordinate" if channel.unit == "m" => "MISC",
         "coordinate" => "JNTANG",
         "ground_force" | "ground_moment" => "MISC",
         _ => return None,
