@@ -61,5 +61,6 @@ pub fn dispatch(cli: Cli) -> Result<Success, Stop> {
         }
         Command::Completions { shell } => files::completions(shell),
         Command::Man => files::man(),
+        Command::Licenses => files::licences(),
     }
 }

@@ -66,6 +66,12 @@ pub fn audit(
     Ok(Success::Full)
 }
 
+/// Prints the notices of the libraries that the program contains.
+pub fn licences() -> Result<Success, Stop> {
+    out(include_str!("../../../../THIRD-PARTY-NOTICES").trim_end())?;
+    Ok(Success::Full)
+}
+
 /// Prints the completions of a shell.
 pub fn completions(shell: clap_complete::Shell) -> Result<Success, Stop> {
     let mut text = Vec::new();
