@@ -89,6 +89,7 @@ pub struct TrialComparison {
 
 /// The whole comparison: the first model in full, then the others.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(from = "StoredComparison")]
 pub struct Comparison {
     /// The first model.
     #[serde(flatten)]
@@ -114,6 +115,67 @@ pub struct Comparison {
     /// The other models' errors in words.
     #[serde(default)]
     pub words_beside: Vec<BesideWords>,
+}
+
+/// A comparison as it is stored, with the fields of the first model named one by one: fields behind
+/// `flatten` are held before their types are known, and a number that is not defined could not be
+/// read.
+#[derive(Deserialize)]
+struct StoredComparison {
+    model: String,
+    held_out: WrenchErrors,
+    held_out_weak: WindowErrors,
+    held_out_as_measured: WrenchErrors,
+    held_out_weak_as_measured: WindowErrors,
+    flight: FlightErrors,
+    flight_wrench: WrenchErrors,
+    flight_weak: WindowErrors,
+    trials: Vec<TrialComparison>,
+    breakdown: Vec<Group>,
+    segments: Vec<SegmentShare>,
+    #[serde(default)]
+    segments_in_flight: Vec<SegmentShare>,
+    beside: Vec<ModelComparison>,
+    #[serde(default)]
+    axes: Vec<AxisRow>,
+    #[serde(default)]
+    against_floor: Vec<AgainstFloor>,
+    noise_floor: Option<NoiseFloor>,
+    options: CompareOptions,
+    #[serde(default)]
+    worst: Vec<WorstPlace>,
+    words: Vec<String>,
+    #[serde(default)]
+    words_beside: Vec<BesideWords>,
+}
+
+impl From<StoredComparison> for Comparison {
+    fn from(s: StoredComparison) -> Self {
+        Self {
+            first: ModelComparison {
+                model: s.model,
+                held_out: s.held_out,
+                held_out_weak: s.held_out_weak,
+                held_out_as_measured: s.held_out_as_measured,
+                held_out_weak_as_measured: s.held_out_weak_as_measured,
+                flight: s.flight,
+                flight_wrench: s.flight_wrench,
+                flight_weak: s.flight_weak,
+                trials: s.trials,
+                breakdown: s.breakdown,
+                segments: s.segments,
+                segments_in_flight: s.segments_in_flight,
+            },
+            beside: s.beside,
+            axes: s.axes,
+            against_floor: s.against_floor,
+            noise_floor: s.noise_floor,
+            options: s.options,
+            worst: s.worst,
+            words: s.words,
+            words_beside: s.words_beside,
+        }
+    }
 }
 
 /// The error of another model in words.

@@ -132,7 +132,7 @@ enum StoredCoefficient {
         name: String,
         value: Option<f64>,
         se: Option<f64>,
-        ci95: Option<[f64; 2]>,
+        ci95: Option<[Option<f64>; 2]>,
         #[serde(default)]
         unit: String,
         #[serde(default)]
@@ -147,7 +147,8 @@ impl From<StoredCoefficient> for ReachedCoefficient {
             StoredCoefficient::Whole { name, value, se, ci95, unit, range } => (name, value, se, ci95, unit, range),
             StoredCoefficient::Earlier(name, value, se) => (name, value, se, None, String::new(), None),
         };
-        let [value, se] = [value, se].map(|x| x.unwrap_or(f64::NAN));
+        let or_nan = |x: Option<f64>| x.unwrap_or(f64::NAN);
+        let ([value, se], ci95) = ([value, se].map(or_nan), ci95.map(|ends| ends.map(or_nan)));
         Self { name, value, se, ci95, unit, range }
     }
 }
