@@ -6,7 +6,7 @@ use aloft_pipeline::stages::import::ImportRecord;
 use aloft_study::subject_session::SubjectSession;
 use aloft_trial::share_in_common;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::workspace::Workspace;
 
 /// Share of the samples of the shorter recording from which two hold the same motion.
@@ -46,9 +46,10 @@ pub fn repeated(session: &SubjectSession) -> Result<Vec<Repeated>, PipelineError
     let sketches: Vec<(&str, [Vec<u64>; 2])> = session
         .included()
         .filter(|t| t.role.is_dynamic() && ws.manifest("import", &t.name).is_some_and(|m| m.is_ok()))
-        .map(|t| {
-            let record: ImportRecord = read_json(&ws.place("import", &t.name).join("quality.json"))?;
-            Ok((t.name.as_str(), [record.samples, record.plate_samples]))
+        .filter_map(|t| {
+            // logs of robots have no such record
+            let record = read_json_if_there(&ws.place("import", &t.name).join("quality.json")).transpose()?;
+            Some(record.map(|r: ImportRecord| (t.name.as_str(), [r.samples, r.plate_samples])))
         })
         .collect::<Result<_, PipelineError>>()?;
     let mut out = Vec::new();
