@@ -167,7 +167,11 @@ fn a_subject_without_a_mass_does_not_stop_the_others() {
     let dir = folder();
     let data = session(dir.path());
     fs::remove_file(data.join("bar_a/object.yaml")).unwrap();
-    let p = pipeline(dir.path(), PIPELINE);
+    // the description of the object states no mass either
+    let object = fs::read_to_string(repo("configs/objects/two_link_chain.yaml")).unwrap();
+    let object: String = object.lines().filter(|l| !l.starts_with("total_mass_kg")).map(|l| format!("{l}\n")).collect();
+    fs::write(dir.path().join("weightless.yaml"), object).unwrap();
+    let p = pipeline(dir.path(), &PIPELINE.replace("object: two_link_chain", "object: weightless.yaml"));
     let ws = dir.path().join("ws").display().to_string();
     let words =
         ["run", &p, "--data", &data.display().to_string(), "--workspace", &ws, "--until", "import", "--details"];

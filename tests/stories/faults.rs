@@ -1,6 +1,6 @@
-//! Any one operation on the disk fails, in any command that writes: the command names the failure, or
-//! gives the answer that it gives otherwise, and never another number; afterwards the workspace is
-//! usable, and the same command without the failure ends as if nothing had happened.
+//! Any one operation on the disk fails, in any command that writes: the command names the failure,
+//! or gives the answer that it gives otherwise, and never another number; afterwards the workspace
+//! is usable, and the same command without the failure ends as if nothing had happened.
 
 use crate::kill::results;
 use crate::support::{folder, repo, unwrapped};
@@ -265,8 +265,8 @@ fn regress_a_failed_operation_is_named_or_changes_nothing() {
     drive(1, |c| vec![KINDS[c % KINDS.len()]]);
 }
 
-/// The full test: `cargo test --release -p aloft-cli --test stories every_kind_of_failure -- --ignored
-/// --nocapture`.
+/// The full test: `cargo test --release -p aloft-cli --test stories every_kind_of_failure --
+/// --ignored --nocapture`.
 #[test]
 #[ignore = "takes many minutes"]
 fn every_kind_of_failure_in_every_command() {

@@ -146,7 +146,8 @@ fn what_is_proposed_for_several_effects_and_for_laws_runs_and_keeps_its_promise(
         protocol: {jumps: 6, exercises: 2, exercise_s: 3.0}}\nhidden: [{effect: payload, link: hand_r, \
         point_m: [0.0, -0.06, 0.0], mass_kg: 1.2, trials: [jump04, jump05, jump06, exercise02]}]\n";
     assert_eq!(Followed::simulated(load, "human").follow()[..2], ["discover", "effect add"]);
-    // a law of the clock, faster than the bounds of its frequency allowed for recordings of this length
+    // a law of the clock, faster than the bounds of its frequency allowed for recordings of this
+    // length
     let pulse = "{effect: thrust, link: link1, point_m: [-0.1, 0.0, 0.0], force_n: [0.0, 0.6, 0.0], \
         period_s: 0.21277, on_s: 0.05}";
     let verbs = chain(pulse, "{recordings: 5, throws: 6}").follow();

@@ -1,5 +1,5 @@
-//! Exported recordings are recordings: read again in each format that is both written and read, they
-//! give the same result.
+//! Exported recordings are recordings: read again in each format that is both written and read,
+//! they give the same result.
 
 use crate::support::*;
 use std::fs;

@@ -6,8 +6,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// The demonstration's recordings with some paths that cannot be read; their names and a part of the
-/// reason.
+/// The demonstration's recordings with some paths that cannot be read; their names and a part of
+/// the reason.
 fn lab_with_odd_paths(at: &Path) -> Vec<(&'static str, &'static str)> {
     fs::create_dir(at).unwrap();
     for entry in fs::read_dir(repo("fixtures/demo")).unwrap().map(|e| e.unwrap().path()).filter(|p| p.is_file()) {

@@ -5,7 +5,7 @@
 //! effects with everything that their columns are computed from, whatever the number of its
 //! revision. Workspaces of earlier versions hold one file for each revision, `revision_N.json`.
 
-use crate::discover::{Kept, looked_at};
+use crate::kept::{Kept, looked_at};
 use aloft_discover::Discovery;
 use aloft_effects::FormulaEffect;
 use aloft_study::revision::{ModelEffect, Revisions};

@@ -289,7 +289,8 @@ fn smoothed_hz(ws: &Workspace, comparison: &Comparison) -> Option<f64> {
 /// Stages whose results the comparison is read from.
 pub const READS: [&str; 5] = ["compare", "identify", "calibrate", "flight", "ik"];
 
-/// The same; none if nothing was compared. A comparison that is there and cannot be read is an error.
+/// The same; none if nothing was compared. A comparison that is there and cannot be read is an
+/// error.
 pub fn compare_if_made(session: &SubjectSession) -> Result<Option<ComparisonView>, PipelineError> {
     let place = Workspace::open(&session.workspace).place("compare", WHOLE_STUDY);
     if is_there(&place.join("comparison.json"))? { compare(session).map(Some) } else { Ok(None) }

@@ -6,6 +6,7 @@ use crate::compare::compare_if_made;
 use crate::drawn_errors::{contact_rows, drawn};
 use crate::held_out::HeldOutError;
 use crate::joint_laws::joint_laws;
+pub use crate::kept::{Kept, looked_at};
 use crate::promise::{Promised, promised};
 use crate::question::question;
 use crate::repeated::refuse_repeated;
@@ -20,8 +21,6 @@ use aloft_discover::{
 use aloft_effects::{Effect, EffectInstance, PlateSeries};
 use aloft_flight::{FlightReport, PlateTare, TareSource};
 use aloft_identify::{EffectEstimate, LinkPrior, Prior};
-use aloft_pipeline::graph::results_hash;
-use aloft_pipeline::stages::below_weak_rows;
 use aloft_pipeline::stages::compare::floor_spread;
 use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::WeakOptions;
@@ -31,13 +30,12 @@ use aloft_study::effects::asks_session_time;
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::{from_value, read_json, read_json_if_there};
+use aloft_workspace::json::{read_json, read_json_if_there};
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::seal;
 use aloft_workspace::workspace::Workspace;
 use nalgebra::Vector3;
 use rayon::prelude::*;
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::sync::{Mutex, PoisonError};
 
@@ -49,51 +47,6 @@ pub struct Volume {
     pub middle_m: [f64; 3],
     /// Standard deviation of the body's positions about the centre, m.
     pub reach_m: f64,
-}
-
-/// An answer stored in the workspace, with a hash of the results that it was computed from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "serde_json::Value", bound(deserialize = "T: DeserializeOwned"))]
-pub struct Kept<T> {
-    /// Hash of the results that the answer was computed from ([`looked_at`]).
-    pub made_from: String,
-    /// Held-out errors with all effects found added to the model, in flight and in contact, as the
-    /// stages compute them; empty if none was found.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub errors_after: Vec<HeldOutError>,
-    /// Hash of everything that the answer rests on; none where the same question has to be answered
-    /// anew.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub question: Option<String>,
-    /// The answer.
-    #[serde(flatten)]
-    pub answer: T,
-}
-
-/// A stored answer is read in two steps, its own part and the answer: in one step, a number of the
-/// answer that is not defined could not be read.
-impl<T: DeserializeOwned> TryFrom<serde_json::Value> for Kept<T> {
-    type Error = serde_json::Error;
-
-    fn try_from(stored: serde_json::Value) -> Result<Self, serde_json::Error> {
-        #[derive(Deserialize)]
-        struct Own {
-            made_from: String,
-            #[serde(default)]
-            errors_after: Vec<HeldOutError>,
-            #[serde(default)]
-            question: Option<String>,
-        }
-        let Own { made_from, errors_after, question } = from_value(stored.clone())?;
-        Ok(Self { made_from, errors_after, question, answer: from_value(stored)? })
-    }
-}
-
-/// Hash of the results that a ranking reads: those from which the weak rows of every trial are
-/// made. The effects of the model are not part of it.
-pub fn looked_at(session: &SubjectSession) -> String {
-    let read = session.included().filter(|t| t.role.is_dynamic()).flat_map(|t| below_weak_rows(t, session));
-    results_hash(&Workspace::open(&session.workspace), read).to_hex().to_string()
 }
 
 /// Wraps an answer; an error if the results changed while it was computed.
@@ -337,8 +290,8 @@ pub struct DiscoveryView {
     /// The same with all effects found added to the model; empty if none was found or if the
     /// results were not up to date.
     pub errors_after: Vec<HeldOutError>,
-    /// Parts of the answer that could not be computed, with the reason: the estimates of the ranking
-    /// stand in their place, and the answer is not stored. Empty for a whole answer.
+    /// Parts of the answer that could not be computed, with the reason: the estimates of the
+    /// ranking stand in their place, and the answer is not stored. Empty for a whole answer.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub not_computed: Vec<String>,
     /// Why the answer could not be stored; none where it was stored, or where a part is missing.

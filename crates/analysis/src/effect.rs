@@ -255,7 +255,7 @@ pub fn add(
     });
     if let (Err(_), Some(path)) = (&done, &written) {
         // a law that is not added leaves no file of its own; why it was not is the message
-        let _ = std::fs::remove_file(path);
+        aloft_workspace::disk::remove_file(path).ok();
     }
     done
 }

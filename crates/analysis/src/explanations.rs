@@ -219,7 +219,7 @@ mod tests {
         let of =
             |reason, key: &str, left| Explanation { reason, key: key.to_owned(), lines: vec!["impulse_mass"], left };
         let correction = of(Reason::Correction, "mass_kg", Some(0.31));
-        let gain = of(Reason::Found, "plate_gain[plates]", Some(0.305));
+        let gain = of(Reason::Found, "plate_gain[plates]", Some(0.308));
         let all = [correction.clone(), gain.clone()];
         assert_eq!(
             in_words(&all).unwrap(),

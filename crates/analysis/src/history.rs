@@ -186,7 +186,7 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
 /// What `discover` found beside an effect of the model and is not in the model: the values and
 /// intervals of the answer are those of a model with all of it.
 fn without_others(session: &SubjectSession, held: &[String]) -> Option<String> {
-    let (d, then) = crate::discover::earlier(session)?;
+    let (d, then) = crate::answers::earlier(session).ok()??;
     let laws = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).map(|l| &l.id);
     let named: Vec<&String> = d.found.iter().map(|f| &f.key).chain(laws).filter(|k| !then.contains(k)).collect();
     let missing: Vec<String> = named.iter().filter(|k| !held.contains(k)).map(|k| format!("`{k}`")).collect();
@@ -476,6 +476,17 @@ fn out_of([low, high]: [f64; 2], value: f64) -> Option<String> {
         _ => format!("at most {high}"),
     };
     (value < low || value > high).then_some(words)
+}
+
+/// The study with the effects of its present model, and with the body about which columns of
+/// effects are formed: that of the model without effects, as `effect add` stores it.
+pub(crate) fn with_reference(session: &SubjectSession) -> Result<SubjectSession, PipelineError> {
+    let mut all = Revisions::load(&session.workspace)?;
+    let now = reached(session, &compare(session)?)?;
+    if let Some(last) = all.revisions.last_mut() {
+        last.reached = Some(now);
+    }
+    Ok(SubjectSession { effects: all.effects(), plain_base: all.plain_base(), ..session.clone() })
 }
 
 #[cfg(test)]

@@ -1,5 +1,5 @@
-//! What was corrected in the measurements and taken off them, for the methods paragraph: a number in
-//! a paper is not the measured one unless this says so.
+//! What was corrected in the measurements and taken off them, for the methods paragraph: a number
+//! in a paper is not the measured one unless this says so.
 
 use aloft_compare::{Comparison, RecordingOffset, TrialComparison, significant};
 use aloft_flight::{FlightReport, PlateTare, TareSource};

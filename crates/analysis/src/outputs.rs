@@ -1,9 +1,9 @@
 //! Files that commands write into a workspace for people and other programs: `summary.csv`,
-//! `summary.parquet`, `summary.txt`, `report.html`, and the folder `export`. They are copies of what
-//! the results say, so that they are behind as soon as a result changes.
+//! `summary.parquet`, `summary.txt`, `report.html`, and the folder `export`. They are copies of
+//! what the results say, so that they are behind as soon as a result changes.
 //!
-//! `outputs.json` states for each of them what it was made from and the hash of its content. `status`
-//! and `verify` compare both.
+//! `outputs.json` states for each of them what it was made from and the hash of its content.
+//! `status` and `verify` compare both.
 
 use crate::freshness::NotCurrent;
 use aloft_pipeline::manifests::Manifests;
@@ -178,24 +178,8 @@ fn is_as_written(path: &Path, known: &Output, look: Look) -> Result<bool, Pipeli
     Ok(bytes.len() as u64 == known.bytes && blake3::hash(&bytes).to_hex().as_str() == known.blake3)
 }
 
-/// Files in the workspace of one subject and session that are not what its results would give.
-///
-/// # Errors
-/// A file cannot be looked at.
-pub fn of_session(session: &SubjectSession, look: Look) -> Result<Vec<NotCurrent>, PipelineError> {
-    let mut out = not_current(&session.workspace, &[session], look)?;
-    out.extend(crate::export::not_current(session, look)?.map(|(state, because)| NotCurrent {
-        stage: FILE.to_owned(),
-        trial: crate::export::FOLDER.to_owned(),
-        state: state.to_owned(),
-        because: format!("{because}; `aloft export` writes it again"),
-        follows: false,
-    }));
-    Ok(out)
-}
-
 /// Files in the workspace of a whole study of several; none for a study of one, whose files are
-/// those [`of_session`].
+/// those of [`crate::standing::files`].
 ///
 /// # Errors
 /// A file cannot be looked at.

@@ -6,7 +6,7 @@ use crate::discover::Volume;
 use crate::effect::{of_found, of_law};
 use crate::freshness::freshness;
 use crate::held_out::HeldOutError;
-use crate::history::reached;
+use crate::history::with_reference;
 use aloft_discover::{Found, FoundLaw};
 use aloft_identify::{EffectEstimate, Parameters};
 use aloft_pipeline::progress::{Progress, Silent};
@@ -14,7 +14,7 @@ use aloft_pipeline::ready_made::{self, FORECAST};
 use aloft_pipeline::results::parameters_file;
 use aloft_pipeline::runner::{TaskReport, run_held};
 use aloft_study::effects::OwnEffect;
-use aloft_study::revision::{ModelEffect, ReachedCoefficient, Revisions};
+use aloft_study::revision::{ModelEffect, ReachedCoefficient};
 use aloft_study::settings::{ADJUSTABLE, Adjustable, number_at, with_numbers};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::disk;
@@ -181,17 +181,6 @@ pub fn tried(
     })
 }
 
-/// The study with the effects of its present model, and with the body about which columns of
-/// effects are formed: that of the model without effects, as `effect add` stores it.
-pub(crate) fn with_reference(session: &SubjectSession) -> Result<SubjectSession, PipelineError> {
-    let mut all = Revisions::load(&session.workspace)?;
-    let now = reached(session, &compare(session)?)?;
-    if let Some(last) = all.revisions.last_mut() {
-        last.reached = Some(now);
-    }
-    Ok(SubjectSession { effects: all.effects(), plain_base: all.plain_base(), ..session.clone() })
-}
-
 /// What of a copy outlives it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Keep {
@@ -216,8 +205,8 @@ pub(crate) fn on_a_copy<T>(
     let with = SubjectSession { workspace: copy.path().to_path_buf(), ..changed };
     let lock = Workspace::open(copy.path()).lock(Duration::ZERO)?;
     let report = run_held(&with, &lock, progress)?;
-    // a stage that failed has left the results of the model before; a trial that failed here and not
-    // in the workspace would be left out of the numbers
+    // a stage that failed has left the results of the model before; a trial that failed here and
+    // not in the workspace would be left out of the numbers
     let new = |t: &&TaskReport| original.manifest(t.stage, &t.trial).is_some_and(|m| m.is_ok());
     let failed: Vec<String> = report.failures().filter(|(t, _)| new(t)).map(|(_, f)| f.problem.clone()).collect();
     if !failed.is_empty() || !freshness(&with)?.is_current() {

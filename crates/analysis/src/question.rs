@@ -1,7 +1,7 @@
 //! What an answer of `discover` rests on, as one hash: the results of all stages, what the pipeline
 //! and the files beside it say, the effects of the model, the options, and the program.
 
-use crate::promise::with_reference;
+use crate::history::with_reference;
 use aloft_discover::DiscoverOptions;
 use aloft_pipeline::graph::results_hash;
 use aloft_pipeline::stages::STAGES;

@@ -1,7 +1,7 @@
-//! `status` and `explain`: the state of every stage of every trial, and the reason for it.
+//! The state of every stage of every trial, and the reason for it: `explain`, and the grid of
+//! `status`.
 
 use crate::freshness::{NotCurrent, not_current_of};
-use crate::outputs::{self, Look};
 use aloft_pipeline::graph::{self, Stage, TaskState};
 use aloft_pipeline::manifests::Manifests;
 use aloft_pipeline::selection::stage_index;
@@ -62,14 +62,7 @@ fn present_state(
     Ok(graph::task_state(stage, trial, session, &inputs, manifests.get(stage.name, name)))
 }
 
-/// The grid. A stage downstream of a stale one is stale, too.
-pub fn status(session: &SubjectSession) -> Result<Status, PipelineError> {
-    let ws = Workspace::open(&session.workspace);
-    let manifests = Manifests::read_and_examine(session, &ws, STAGES);
-    Ok(Status { files: outputs::of_session(session, Look::Quick)?, ..grid(session, &ws, &manifests)? })
-}
-
-/// The same from manifests that were already read.
+/// The grid, without the files beside the results. A stage downstream of a stale one is stale, too.
 pub fn grid(session: &SubjectSession, ws: &Workspace, manifests: &Manifests) -> Result<Status, PipelineError> {
     let states = states(session, ws, manifests)?;
     let behind: HashSet<(String, String)> =

@@ -12,7 +12,7 @@
 use crate::compare::compare;
 use crate::effect::Asked;
 use crate::held_out::{HeldOutError, best_grades, weight_n};
-use crate::promise::with_reference;
+use crate::history::with_reference;
 use crate::results::with_results;
 use crate::switch_contact::uses_contact;
 use crate::switch_pools::{Merged, Pool, Pools};

@@ -304,8 +304,8 @@ fn plates(trials: &[TrialComparison], weight_n: f64) -> Option<ToCorrect> {
 /// more or less than stated: beside it only the acceleration times the missing mass is left.
 const MOSTLY_WEIGHT: f64 = 0.7;
 
-/// What the plates say of the stated mass, where the error of most recordings is mostly one constant
-/// along the vertical: the same everywhere, it is no error of single recordings.
+/// What the plates say of the stated mass, where the error of most recordings is mostly one
+/// constant along the vertical: the same everywhere, it is no error of single recordings.
 fn heavier(trials: &[TrialComparison], odd: &[(&str, f64)], weight_n: f64) -> Option<String> {
     let measured: Vec<&TrialComparison> = trials.iter().filter(|t| t.contact_weak.windows > 0).collect();
     // predicted less measured: above zero where the body is lighter than stated

@@ -2,6 +2,7 @@
 
 use crate::freshness::{NotCurrent, freshness};
 use crate::outputs::{self, Look};
+use crate::standing::files;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
@@ -122,7 +123,7 @@ pub fn verify(session: &SubjectSession) -> Result<Verified, PipelineError> {
     }
     out.stale = freshness(session)?.stale;
     let (damaged, stale): (Vec<_>, Vec<_>) =
-        outputs::of_session(session, Look::Whole)?.into_iter().partition(|f| f.state == "damaged");
+        files(session, Look::Whole)?.into_iter().partition(|f| f.state == "damaged");
     out.files += outputs::count(&session.workspace)?;
     out.damaged.extend(damaged.into_iter().map(|f| Damage::of_file(f.trial, f.because)));
     out.stale.extend(stale);

@@ -99,7 +99,7 @@ fn a_bids_dataset_gives_what_its_c3d_files_give() {
     let channels = motion.join("sub-01_ses-01_task-throw_run-02_tracksys-mocap_channels.tsv");
     let text = fs::read_to_string(&channels).unwrap();
     fs::write(&channels, text.replace("\tmm\n", "\tmm \n")).unwrap();
-    let status = aloft_analysis::status::status(&set.members[0]).unwrap();
+    let status = aloft_analysis::standing::status(&set.members[0]).unwrap();
     let stale: Vec<&str> = status.rows.iter().filter(|r| r.cells[0] == "stale").map(|r| r.trial.as_str()).collect();
     assert_eq!(stale, ["sub-01_ses-01_task-throw_run-02_tracksys-mocap"]);
 }

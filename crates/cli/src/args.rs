@@ -340,8 +340,8 @@ pub enum Command {
         /// All recordings are of one person, whatever names and folders say.
         #[arg(long, conflicts_with = "subject")]
         one_subject: bool,
-        /// Use only the files that name this subject (SUBJECTS:NAMES of C3D files, or the name before
-        /// the labels), and only this person's markers in files that hold several people.
+        /// Use only the files that name this subject (SUBJECTS:NAMES of C3D files, or the name
+        /// before the labels), and only this person's markers in files that hold several people.
         #[arg(long, value_name = "NAME")]
         subject: Option<String>,
     },

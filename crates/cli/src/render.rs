@@ -11,8 +11,8 @@ pub use aloft_analysis::wording::unit;
 pub use aloft_compare::significant;
 
 /// A text for the screen: every character that acts on a terminal is escaped, except line breaks,
-/// tabs and, where colour is shown, sequences of colour. Names of files, markers and links come from
-/// others; nothing that they contain may move the cursor or change what was printed.
+/// tabs and, where colour is shown, sequences of colour. Names of files, markers and links come
+/// from others; nothing that they contain may move the cursor or change what was printed.
 fn harmless(text: &str, colour: bool) -> Cow<'_, str> {
     let acts = |c: char| acts_on_terminal(c) && !matches!(c, '\n' | '\t');
     if !text.contains(acts) {
@@ -132,8 +132,8 @@ pub fn json<T: serde::Serialize>(value: &T) -> Result<(), Stop> {
     out(escaped_json(&text))
 }
 
-/// The same JSON with characters that act on a terminal as escapes of JSON: serde escapes only those
-/// below U+0020.
+/// The same JSON with characters that act on a terminal as escapes of JSON: serde escapes only
+/// those below U+0020.
 fn escaped_json(text: &str) -> Cow<'_, str> {
     let acts = |c: char| acts_on_terminal(c) && c != '\n';
     if !text.contains(acts) {

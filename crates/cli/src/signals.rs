@@ -1,5 +1,5 @@
-//! A signal that asks the program to end: what was begun outside a workspace is removed, a word says
-//! what happened, and the exit code is the conventional one, 128 and the number of the signal.
+//! A signal that asks the program to end: what was begun outside a workspace is removed, a word
+//! says what happened, and the exit code is the conventional one, 128 and the number of the signal.
 
 /// Watches for signals in a thread of its own, until the program ends. Where that is not possible,
 /// the system ends the program without a word, and what is left is removed at the next start.

@@ -144,9 +144,9 @@ pub(crate) fn bids(text: &str) -> String {
 }
 
 /// A text that no spreadsheet computes: one that begins like a formula (`= + - @`, a tab or a
-/// carriage return) and is no number gets an apostrophe in front, which spreadsheets take as "text".
-/// Names of recordings and markers come from others, and a formula in one could call a program or
-/// an address.
+/// carriage return) and is no number gets an apostrophe in front, which spreadsheets take as
+/// "text". Names of recordings and markers come from others, and a formula in one could call a
+/// program or an address.
 pub fn no_formula(text: &str) -> std::borrow::Cow<'_, str> {
     let formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']) && text.parse::<f64>().is_err();
     if formula { format!("'{text}").into() } else { text.into() }

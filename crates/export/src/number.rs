@@ -12,8 +12,9 @@ pub(crate) fn fixed(value: f64, decimals: usize) -> String {
     if text == "-0" { "0".to_owned() } else { text }
 }
 
-/// A value and the half-width of its 95 % interval with the digits that the half-width warrants: two
-/// of it, and the same decimals of the value. Three digits, and no half-width, where there is none.
+/// A value and the half-width of its 95 % interval with the digits that the half-width warrants:
+/// two of it, and the same decimals of the value. Three digits, and no half-width, where there is
+/// none.
 pub fn with_half(value: f64, half: Option<f64>) -> String {
     let decimals = |x: f64, digits: i32| (digits - 1 - x.abs().log10().floor() as i32).clamp(0, 9) as usize;
     match half.filter(|h| h.is_finite() && *h > 0.0) {

@@ -10,10 +10,10 @@
 //! For flights without a prior this is the null vector of the pair (R, T), the smallest vector of
 //! their generalised singular value decomposition: generalised total least squares (Van Huffel and
 //! Vandewalle 1989), of which the paper's estimator (its eq. 14 to 16) is the case S = 1. Least
-//! squares minimises `ψᵀGψ` alone and so shrinks what the noise imitates: on chains thrown gently by
-//! 0.9 to 1.5 % of an inertia; on a single rigid body, whose moments about its centre of mass are
-//! homogeneous in the inertia, to a thirtieth of it. The term `ln det` of the errors' covariance is
-//! left out on purpose: with it nine tenths of that bias return.
+//! squares minimises `ψᵀGψ` alone and so shrinks what the noise imitates: on chains thrown gently
+//! by 0.9 to 1.5 % of an inertia; on a single rigid body, whose moments about its centre of mass
+//! are homogeneous in the inertia, to a thirtieth of it. The term `ln det` of the errors'
+//! covariance is left out on purpose: with it nine tenths of that bias return.
 //!
 //! **Units of noise.** The generalised singular values σ_k of (R, T) are the lengths of the rows
 //! along conjugate directions over the length that noise alone gives them. The paper assumes that
@@ -34,11 +34,11 @@ use faer::Mat;
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-/// Relative standard deviation with which the variance of the noise along one direction is known. It
-/// is not the same for sensors of different kinds, and errors of neighbouring frames are taken as
-/// independent, though a smoother links them: on a simulated rigid body whose poses are smoothed, two
-/// directions that hold noise alone come out at 0.88 and 1.10, a ratio of variances of 1.6. A
-/// direction within two standard deviations counts as noise.
+/// Relative standard deviation with which the variance of the noise along one direction is known.
+/// It is not the same for sensors of different kinds, and errors of neighbouring frames are taken
+/// as independent, though a smoother links them: on a simulated rigid body whose poses are
+/// smoothed, two directions that hold noise alone come out at 0.88 and 1.10, a ratio of variances
+/// of 1.6. A direction within two standard deviations counts as noise.
 const NOISE_KNOWN_WITHIN: f64 = 0.5;
 
 /// Singular values of the columns below this share of the largest are rounding.
@@ -51,8 +51,8 @@ const ITERATIONS: usize = 50;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NoiseUnits {
     /// Generalised singular values of the rows and their noise, smallest first: lengths along
-    /// conjugate directions in units of the stated noise. Exactly one is at its level if the flights
-    /// determine everything but the scale. Directions without noise are not among them.
+    /// conjugate directions in units of the stated noise. Exactly one is at its level if the
+    /// flights determine everything but the scale. Directions without noise are not among them.
     pub sigma: Vec<f64>,
     /// Root mean square of the rows that the estimate leaves, in units of the noise: 1 for a model
     /// that lacks nothing and noise of the stated size.

@@ -1,5 +1,5 @@
-//! The estimate in the metric of the rows' noise: the paper's assumption that the rank falls by one,
-//! where it holds (a chain) and where it does not (a single rigid body).
+//! The estimate in the metric of the rows' noise: the paper's assumption that the rank falls by
+//! one, where it holds (a chain) and where it does not (a single rigid body).
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 #[path = "../../regressor/tests/common/mod.rs"]
@@ -111,8 +111,8 @@ fn inertias(found: &Identification) -> [f64; 3] {
     ["Jxx", "Jyy", "Jzz"].map(|n| found.parameters.base.iter().find(|b| b.name == n).unwrap().value)
 }
 
-/// The moments about the centre of mass are homogeneous in the inertia: flight fixes its ratios, the
-/// table its size. With least squares the noise shrinks the size instead.
+/// The moments about the centre of mass are homogeneous in the inertia: flight fixes its ratios,
+/// the table its size. With least squares the noise shrinks the size instead.
 #[test]
 fn flights_of_a_rigid_body_give_ratios_of_inertias_and_leave_their_size_to_the_table() {
     let model = one_link();

@@ -7,7 +7,7 @@ use aloft_study::config::{CorrectionsConfig, PipelineConfig};
 use aloft_study::facts::Facts;
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::SubjectSession;
-use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
+use aloft_workspace::manifest::{Manifest, TIME, WHOLE_STUDY};
 use aloft_workspace::workspace::Workspace;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -118,7 +118,8 @@ pub fn made_with(session: &SubjectSession, ws: &Workspace) -> String {
                 all.remove("contact");
             }
             hasher.update(format!("{}/{name} {} {}\n", stage.name, m.version, m.parameters).as_bytes());
-            for (input, hash) in m.inputs.iter().filter(|(k, _)| !k.contains('/')) {
+            // times in the session follow from the recordings, and from a correction of their rate
+            for (input, hash) in m.inputs.iter().filter(|(k, _)| !k.contains('/') && *k != TIME) {
                 hasher.update(format!("{input} {hash}\n").as_bytes());
             }
         }

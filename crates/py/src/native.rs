@@ -7,7 +7,7 @@ use crate::run::{Opened, RunAnswer};
 use crate::work::{Reporter, work};
 use aloft_analysis::freshness::{WithStale, with_stale};
 use aloft_analysis::{
-    assess, check, compare, discover, effect, estimators, export, history, parameters, status, summary, verify,
+    assess, check, compare, discover, effect, estimators, export, history, parameters, standing, summary, verify,
 };
 use aloft_pipeline::runner::{Selection, run_all};
 use aloft_study::config::{Angles, Rows};
@@ -233,7 +233,7 @@ impl Native {
 
     /// As `aloft status --json`.
     fn status(&self, py: Python<'_>) -> PyResult<String> {
-        self.ask(py, None, |session, _| status::status(session))
+        self.ask(py, None, |session, _| standing::status(session))
     }
 
     /// As `aloft verify --json`.

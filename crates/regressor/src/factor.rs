@@ -155,8 +155,8 @@ impl Factor {
     /// noise: what a correction leaves of this factor.
     ///
     /// # Errors
-    /// As [`Factor::from_rows`]; [`RegressorError::Length`] for more rows of `matrix` than this factor
-    /// holds.
+    /// As [`Factor::from_rows`]; [`RegressorError::Length`] for more rows of `matrix` than this
+    /// factor holds.
     pub fn corrected(&self, matrix: MatRef<'_, f64>) -> Result<Self, RegressorError> {
         if matrix.nrows() > self.height() {
             return Err(RegressorError::Length {

@@ -10,10 +10,10 @@
 //! ΔA_d = (A(q ⊕ δ_d) − A(q ⊖ δ_d)) / 2,     S ≈ (1/D) Σ_d ΔA_dᵀ ΔA_d = TᵀT
 //! ```
 //!
-//! in which every even order of δ cancels. The rows of a draw are those that the disturbed recording
-//! would have given: the same windows, the same differences in time, the moment origin along the
-//! disturbed path. Errors of different frames are independent. A draw depends on the names of the
-//! recording and of the stretch alone, so that T is the same on any machine.
+//! in which every even order of δ cancels. The rows of a draw are those that the disturbed
+//! recording would have given: the same windows, the same differences in time, the moment origin
+//! along the disturbed path. Errors of different frames are independent. A draw depends on the
+//! names of the recording and of the stretch alone, so that T is the same on any machine.
 
 use crate::noise::{CoordinateNoise, coordinate_root};
 use crate::stretch::Acting;

@@ -35,8 +35,8 @@ pub fn weak_factor(
     Factor::from_rows(stretch, RowKind::Weak, columns_of(base, acting), rows.matrix.as_ref())
 }
 
-/// The same, with the triangle of the errors of the rows ([`mod@crate::matrix_noise`]) beside it, in
-/// the same weights.
+/// The same, with the triangle of the errors of the rows ([`mod@crate::matrix_noise`]) beside it,
+/// in the same weights.
 ///
 /// # Errors
 /// As [`weak_factor`], and [`RegressorError::Length`] if the noise does not fit the model.

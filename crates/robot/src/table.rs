@@ -22,8 +22,9 @@ impl Columns {
     /// [`aloft_trial::missing`]) are missing.
     ///
     /// # Errors
-    /// [`RobotError::Table`] for a damaged archive or one that unpacks to far more than a table does, a row with another number of fields, a field
-    /// that is not a number, a column name that occurs twice, and a file without rows.
+    /// [`RobotError::Table`] for a damaged archive or one that unpacks to far more than a table
+    /// does, a row with another number of fields, a field that is not a number, a column name that
+    /// occurs twice, and a file without rows.
     pub fn from_csv(file: &str, bytes: &[u8]) -> Result<Self, RobotError> {
         let problem = |line: Option<u64>, problem: String| RobotError::Table { file: file.to_owned(), line, problem };
         let unpacked;

@@ -289,7 +289,7 @@ mod tests {
         // the library that draws the place fails beyond column 65,535
         for far in [10, 400, 499, 501, 65_530, 65_540, 300_000] {
             for text in [
-                format!("{}[: ", "a ".repeat(far)),
+                format!("{}: [", "a ".repeat(far)),
                 format!("a: {}\nb: [}}\n", "x".repeat(far)),
                 format!("b: [}}\na: {}\n", "x".repeat(far)),
                 format!("{}: [}}", "ä".repeat(far)),

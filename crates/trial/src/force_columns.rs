@@ -1,13 +1,13 @@
 //! Columns of ground reactions: which column of a MOT or STO table is which component of which
 //! plate, by the names that programs give them, or as the laboratory states it.
 //!
-//! OpenSim prescribes no names (a file beside the table says what its columns are), so every program
-//! has its own: `ground_force_vx`, `ground_force_px`, `ground_torque_x`; `1_ground_force_vx`;
-//! `ground_force_1_vx`, `ground_moment_1_mx`; `ground_force1_vx` (MOtoNMS); `R_ground_force_vx`
-//! (OpenCap); `ground_force_calcn_l_vx` (AddBiomechanics); `force1_vx`, `moment1_x`;
-//! `calcn_r_force_vx`; `grf_r_vx`; `FP1_Fx`; `f1_x`, `p1_x`, `m1_x` (the C3D adapter of OpenSim);
-//! `Fx1`, `COPx1`, `Mz1`. All of them name a quantity, an axis and a plate in words; this module
-//! reads the words, and what it cannot read is listed, never dropped in silence.
+//! OpenSim prescribes no names (a file beside the table says what its columns are), so every
+//! program has its own: `ground_force_vx`, `ground_force_px`, `ground_torque_x`;
+//! `1_ground_force_vx`; `ground_force_1_vx`, `ground_moment_1_mx`; `ground_force1_vx` (MOtoNMS);
+//! `R_ground_force_vx` (OpenCap); `ground_force_calcn_l_vx` (AddBiomechanics); `force1_vx`,
+//! `moment1_x`; `calcn_r_force_vx`; `grf_r_vx`; `FP1_Fx`; `f1_x`, `p1_x`, `m1_x` (the C3D adapter
+//! of OpenSim); `Fx1`, `COPx1`, `Mz1`. All of them name a quantity, an axis and a plate in words;
+//! this module reads the words, and what it cannot read is listed, never dropped in silence.
 
 use crate::TrialError;
 use serde::{Deserialize, Serialize};

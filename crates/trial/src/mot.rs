@@ -7,16 +7,16 @@
 //! moment T: the moment about the world origin is p × F + T.
 //!
 //! Plates are read from the names of the columns: a quantity, an axis and a plate, as OpenSim,
-//! MOtoNMS, OpenCap, AddBiomechanics and others write them (`ground_force_vx`,
-//! `1_ground_force_px`, `ground_force1_vx`, `ground_torque1_x`, `R_ground_torque_y`,
-//! `ground_force_calcn_l_vx`, `calcn_r_force_vx`, `FP1_vx`, `f1_x`, `Fx1`, `COPx1`). Columns that
-//! belong to no plate are listed; `import: {forces: …}` assigns them. Empty cells do not exist here;
-//! `NaN`, `NULL`, `None`, `N/A`, `-`, `1.#QNAN` and the like are missing samples.
+//! MOtoNMS, OpenCap, AddBiomechanics and others write them (`ground_force_vx`, `1_ground_force_px`,
+//! `ground_force1_vx`, `ground_torque1_x`, `R_ground_torque_y`, `ground_force_calcn_l_vx`,
+//! `calcn_r_force_vx`, `FP1_vx`, `f1_x`, `Fx1`, `COPx1`). Columns that belong to no plate are
+//! listed; `import: {forces: …}` assigns them. Empty cells do not exist here; `NaN`, `NULL`,
+//! `None`, `N/A`, `-`, `1.#QNAN` and the like are missing samples.
 //!
-//! The times of the forces count by the clock of the markers. Times in milliseconds are told by their
-//! length. Forces that have no time in common with the markers start with them if both last equally
-//! long, and are refused otherwise; `import: {force_times: from_first_frame}` decides. Every
-//! difference is a warning with its numbers.
+//! The times of the forces count by the clock of the markers. Times in milliseconds are told by
+//! their length. Forces that have no time in common with the markers start with them if both last
+//! equally long, and are refused otherwise; `import: {force_times: from_first_frame}` decides.
+//! Every difference is a warning with its numbers.
 
 use crate::force_columns::{Assigned, PlateColumns, as_stated, by_name};
 use crate::missing::number;
@@ -276,8 +276,8 @@ pub(crate) fn read_ground_reactions(
     Ok(())
 }
 
-/// The clock of the forces in seconds: times that fit the markers only in a smaller unit are in that
-/// unit.
+/// The clock of the forces in seconds: times that fit the markers only in a smaller unit are in
+/// that unit.
 fn in_seconds(trial: &mut Trial, clock: Clock) -> Clock {
     let (rate_hz, frames) = (trial.markers.rate_hz, trial.markers.n_frames);
     let markers_s = frames.saturating_sub(1) as f64 / rate_hz;

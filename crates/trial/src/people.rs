@@ -1,8 +1,8 @@
 //! Whose markers a recording holds: of several people in front of the cameras, one is analysed.
 //!
 //! Programs put the person before the label (`Anna:LASI`, sometimes `Anna_LASI`). Groups of labels
-//! with the same names behind different prefixes are several people; prefixes whose labels are other
-//! ones are objects (`Racket:tip`) and stay with the person's markers.
+//! with the same names behind different prefixes are several people; prefixes whose labels are
+//! other ones are objects (`Racket:tip`) and stay with the person's markers.
 
 use crate::{Trial, TrialError, WarningKind, person_key};
 use aloft_c3d::{C3dFile, split_subject};

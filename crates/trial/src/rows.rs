@@ -184,8 +184,8 @@ fn other_unit(rows: &[Stamp], stated_hz: Option<f64>) -> Option<(f64, &'static s
     TIME_UNITS_S.into_iter().find(|(unit_s, _)| (ratio * unit_s - 1.0).abs() <= RATE_TOLERANCE)
 }
 
-/// The rate of the times, Hz; the stated one, or else a whole number, where the times cannot tell it
-/// from theirs: they have few digits, and jitter.
+/// The rate of the times, Hz; the stated one, or else a whole number, where the times cannot tell
+/// it from theirs: they have few digits, and jitter.
 fn rate_of(
     of: Source<'_>,
     rows: &[Stamp],

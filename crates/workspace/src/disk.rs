@@ -1,5 +1,5 @@
-//! All reading and all changes on disk. Files are written completely and flushed to disk before they
-//! become visible; temporary names identify the process that owns them.
+//! All reading and all changes on disk. Files are written completely and flushed to disk before
+//! they become visible; temporary names identify the process that owns them.
 //!
 //! Every operation on a file goes through this module, whichever crate asks for it, so that tests
 //! can end the process between any two of them and make any of them fail ([`crate::fault`]).

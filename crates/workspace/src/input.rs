@@ -175,7 +175,7 @@ mod tests {
         std::fs::create_dir(at("folder")).unwrap();
         let _socket = std::os::unix::net::UnixListener::bind(at("socket")).unwrap();
         std::process::Command::new("mkfifo").arg(at("pipe")).status().unwrap();
-        std::fs::File::create(at("vast")).unwrap().set_len(1 << 42).unwrap();
+        File::create(at("vast")).unwrap().set_len(1 << 42).unwrap();
         std::os::unix::fs::symlink("/dev/zero", at("zero")).unwrap();
         for (name, words) in [
             ("file", "4 bytes"),

@@ -27,8 +27,8 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, PipelineError> {
     from_slice(&bytes).map_err(|e| PipelineError::Table { path: path.to_path_buf(), problem: e.to_string() })
 }
 
-/// The same if the file exists. A file that exists and cannot be read is an error, so that an answer
-/// never silently rests on less than what is there.
+/// The same if the file exists. A file that exists and cannot be read is an error, so that an
+/// answer never silently rests on less than what is there.
 pub fn read_json_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, PipelineError> {
     if disk::is_there(path)? { read_json(path).map(Some) } else { Ok(None) }
 }

@@ -1,9 +1,9 @@
 //! Numbers that are not defined: NaN in memory, `null` in a JSON file.
 //!
-//! JSON has no NaN. `serde_json` writes `null` for it and then refuses to read `null` where a number
-//! is expected, so that a file could be written that nothing reads. Every file of a workspace is
-//! read through [`Undefined`], which takes `null` for NaN wherever a floating-point number is
-//! expected; whole numbers, texts and lists are as strict as before.
+//! JSON has no NaN. `serde_json` writes `null` for it and then refuses to read `null` where a
+//! number is expected, so that a file could be written that nothing reads. Every file of a
+//! workspace is read through [`Undefined`], which takes `null` for NaN wherever a floating-point
+//! number is expected; whole numbers, texts and lists are as strict as before.
 //!
 //! One place is out of its reach: where serde has to hold a value before it knows its type
 //! (`flatten`, `untagged`, `tag`), it no longer sees what is expected. Such a type takes an

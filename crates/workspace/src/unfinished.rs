@@ -1,9 +1,9 @@
 //! Folders that are being filled: copies of a workspace on which a model is tried, exports and
 //! laboratories before they are moved to their places.
 //!
-//! Such a folder is removed when it is dropped. A process that a signal ends removes its folders and
-//! temporary files first ([`remove_all`]); what a killed process leaves is removed by the next one
-//! that makes such a folder at the same place, or that locks a workspace there.
+//! Such a folder is removed when it is dropped. A process that a signal ends removes its folders
+//! and temporary files first ([`remove_all`]); what a killed process leaves is removed by the next
+//! one that makes such a folder at the same place, or that locks a workspace there.
 
 use crate::disk::{self, Owned, abandoned};
 use crate::error::PipelineError;
@@ -38,8 +38,8 @@ pub(crate) fn release(path: &Path) {
     OPEN.lock().unwrap_or_else(PoisonError::into_inner).retain(|p| p != path);
 }
 
-/// Removes what this process has begun and not finished; for a process that is about to end. Returns
-/// what could not be removed.
+/// Removes what this process has begun and not finished; for a process that is about to end.
+/// Returns what could not be removed.
 pub fn remove_all() -> Vec<PathBuf> {
     hold_changes();
     let open = std::mem::take(&mut *OPEN.lock().unwrap_or_else(PoisonError::into_inner));

@@ -6,7 +6,7 @@ mod gather;
 
 use crate::freshness::{Freshness, freshness};
 use crate::outputs::Look;
-use crate::status::status;
+use crate::standing::status;
 use aloft_export::readme::{Making, readme};
 use aloft_export::{Convention, Format, InertiaSource, OutFile, SubjectExport, names};
 use aloft_study::config::Angles;

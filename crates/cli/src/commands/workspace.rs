@@ -8,7 +8,7 @@ use crate::stop::Stop;
 use crate::{Success, show as tables, show_workspace};
 use aloft_analysis::freshness::{NotCurrent, freshness};
 use aloft_analysis::outputs::{self, Look};
-use aloft_analysis::{forget, status, summary, verify};
+use aloft_analysis::{forget, standing, summary, verify};
 use aloft_study::subject_session::SubjectSession;
 use std::cell::Cell;
 
@@ -16,7 +16,7 @@ use std::cell::Cell;
 pub fn status(args: &PipelineArgs, strict: StrictArgs, as_json: bool) -> Result<Success, Stop> {
     let late = Cell::new(false);
     let ask = |session: &SubjectSession| {
-        let found = status::status(session)?;
+        let found = standing::status(session)?;
         late.set(late.get() || !found.files.is_empty() || !freshness(session)?.is_current());
         Ok(found)
     };

@@ -243,8 +243,8 @@ impl Variable {
         (0..3).flat_map(|k| others(k).map(|other| (along(k), other))).collect()
     }
 
-    /// Highest angular frequency that is searched for waves of this variable, radians per unit: 8 Hz
-    /// of the clock, four periods in a turn of a hinge; none where waves have no search of their
+    /// Highest angular frequency that is searched for waves of this variable, radians per unit: 8
+    /// Hz of the clock, four periods in a turn of a hinge; none where waves have no search of their
     /// own.
     pub fn fastest(self) -> Option<f64> {
         match self {

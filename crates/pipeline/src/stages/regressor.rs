@@ -175,8 +175,8 @@ pub fn row_noise<'a>(params: &Params, subject: &'a Subject) -> Option<Noise<'a>>
     })
 }
 
-/// Errors of the coordinates from which those of the rows' matrix are drawn, where the estimator asks
-/// for them.
+/// Errors of the coordinates from which those of the rows' matrix are drawn, where the estimator
+/// asks for them.
 fn matrix_noise<'a>(params: &Params, subject: &'a Subject) -> Option<CoordinateNoise<'a>> {
     params.matrix_noise.then(|| {
         if params.robot.is_some() {

@@ -440,8 +440,8 @@ RegressorConfig {
 pub enum Estimator {
     /// Regularised where the rows alone do not see every parameter; mass-constrained otherwise.
     Auto,
-    /// Smallest vector in the metric of the rows' own noise, with the body mass known; directions that
-    /// the motion does not determine keep the values of tables or drawing.
+    /// Smallest vector in the metric of the rows' own noise, with the body mass known; directions
+    /// that the motion does not determine keep the values of tables or drawing.
     NoiseMetric,
     /// Right singular vector of the smallest singular value (the paper).
     NullVector,

@@ -3,8 +3,8 @@
 //!
 //! A deterministic fuzzer: seed `n` of a target always makes the same file. An ordinary run tries a
 //! few hundred of each; `ALOFT_FUZZ_SECONDS=300` goes on for that time with each, and
-//! `ALOFT_FUZZ_TARGET=urdf` takes one of them. What was found is kept below (`hostile`) or as a test
-//! beside its reader. For C3D there are targets of libFuzzer in `crates/c3d/fuzz`.
+//! `ALOFT_FUZZ_TARGET=urdf` takes one of them. What was found is kept below (`hostile`) or as a
+//! test beside its reader. For C3D there are targets of libFuzzer in `crates/c3d/fuzz`.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "tests fail by panicking")]
 
 use aloft_body::{Model, ModelSpec, Phi};
