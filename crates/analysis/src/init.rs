@@ -327,7 +327,7 @@ fn write(
     line("# Written by `aloft init`. Look through it, then:".to_owned());
     let path = quote::visible(&quote::path(target));
     line(format!("#   aloft check {path}\n#   aloft run {path}"));
-    line(format!("name: {name}"));
+    line(format!("name: {}", quote::yaml(name)));
     line(format!("data: {}", quote::yaml(&data)));
     line(format!(
         "# {n_files} recordings at {} Hz{}",

@@ -7,7 +7,7 @@ use aloft_signal::residual_analysis::{ResidualAnalysis, residual_analysis};
 use aloft_signal::{CutoffCorrection, LowPass};
 use aloft_study::catalog;
 use aloft_study::config::FilterConfig;
-use aloft_trial::{ImportOptions, MarkerSet, QualityOptions, Trial, assess, recognise};
+use aloft_trial::{ImportOptions, MarkerSet, QualityOptions, QualityReason, Trial, assess, recognise};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::input;
 use serde::Serialize;
@@ -105,12 +105,15 @@ pub fn inspect(file: &Path) -> Result<Inspection, PipelineError> {
     let quality = assess(&trial, None, &[], &[], &QualityOptions::default());
     let sets: Vec<MarkerSet> = catalog::all("markersets")?;
     let mut remarks: Vec<Remark> = trial.warnings.iter().cloned().map(Remark::Import).collect();
+    let of_markers = |r: &&QualityReason| !matches!(r, QualityReason::ColumnsNotUsed { .. });
+    let (of_markers, of_forces): (Vec<_>, Vec<_>) = quality.reasons.iter().partition(of_markers);
     if trial.markers.labels.is_empty() {
         let words = "no labelled marker: there is nothing here that the other commands could use";
         remarks.push(Remark::Other(words.to_owned()));
     } else {
-        remarks.extend(quality.reasons.iter().cloned().map(Remark::Quality));
+        remarks.extend(of_markers.into_iter().cloned().map(Remark::Quality));
     }
+    remarks.extend(of_forces.into_iter().cloned().map(Remark::Quality));
     let (analogs, analog_rate_hz) = c3d.map_or((Vec::new(), None), |f| {
         let rate = (!f.analogs.is_empty()).then_some(f.analog_rate_hz);
         (f.analogs, rate)

@@ -423,6 +423,6 @@ pub enum Command {
     #[command(after_help = "Examples:\n  aloft man > ~/.local/share/man/man1/aloft.1\n  aloft man | man -l -")]
     Man,
     /// Print the licences and notices of the libraries that the program contains.
-    #[command(after_help = "Example:\n  aloft licenses > THIRD-PARTY-NOTICES")]
+    #[command(after_help = "Examples:\n  aloft licenses > THIRD-PARTY-NOTICES")]
     Licenses,
 }

@@ -51,7 +51,7 @@ pub(super) fn pipeline(folder: &Path, target: &Path) -> Result<Option<(String, V
     let path = quote::visible(&quote::path(target));
     let _ = writeln!(t, "# Written by `aloft init`. Look through it, then:");
     let _ = writeln!(t, "#   aloft check {path}\n#   aloft run {path}");
-    let _ = writeln!(t, "name: {}", pipeline_name(folder, target, None));
+    let _ = writeln!(t, "name: {}", quote::yaml(&pipeline_name(folder, target, None)));
     let _ = writeln!(t, "data: {}", quote::yaml(&data_path(folder, target)));
     let _ = writeln!(t, "robot:");
     let _ = writeln!(
