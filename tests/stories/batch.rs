@@ -163,23 +163,20 @@ fn overrides_are_checked_where_they_are_written() {
 }
 
 #[test]
-fn a_subject_without_a_mass_does_not_stop_the_others() {
+fn a_subject_whose_facts_are_damaged_does_not_stop_the_others() {
     let dir = folder();
     let data = session(dir.path());
-    fs::remove_file(data.join("bar_a/object.yaml")).unwrap();
-    // the description of the object states no mass either
-    let object = fs::read_to_string(repo("configs/objects/two_link_chain.yaml")).unwrap();
-    let object: String = object.lines().filter(|l| !l.starts_with("total_mass_kg")).map(|l| format!("{l}\n")).collect();
-    fs::write(dir.path().join("weightless.yaml"), object).unwrap();
-    let p = pipeline(dir.path(), &PIPELINE.replace("object: two_link_chain", "object: weightless.yaml"));
+    let facts = data.join("bar_a/object.yaml");
+    fs::write(&facts, "total_mass_kg: heavy\n").unwrap();
+    let p = pipeline(dir.path(), PIPELINE);
     let ws = dir.path().join("ws").display().to_string();
     let words =
         ["run", &p, "--data", &data.display().to_string(), "--workspace", &ws, "--until", "import", "--details"];
     let (out, err) = expect(&words, 1);
-    assert!(
-        err.contains("failed: bar_a: ") && err.contains("participants.tsv") && out.contains("subject_unknown"),
-        "{err}"
-    );
+    assert!(err.contains("failed: bar_a: ") && err.contains("object.yaml"), "{err}");
+    assert!(out.contains("subject_unknown") && out.contains("bar_b day2"), "{out}");
+    // without that file the mass of the object's description or of the study's table is taken
+    fs::remove_file(&facts).unwrap();
     fs::write(data.join("participants.tsv"), "participant_id\tmass\nbar_a\t0.997\nbar_b\tn/a\nbar_c\t1\n").unwrap();
     expect(&words, 0);
     // the study's table also applies to the folder of a single subject
