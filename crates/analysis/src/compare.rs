@@ -3,7 +3,7 @@
 use crate::held_out::{HeldOutError, best_grades, weight_n};
 use crate::impulse_mass::{ImpulseMassView, impulse_mass};
 use crate::kinematics::{KinematicsRow, failed_stage, kinematics};
-use crate::to_correct::{ToCorrect, of_static, to_correct};
+use crate::to_correct::{LOUD, ToCorrect, of_static, to_correct};
 use aloft_body::{EstimatedPoints, Subject};
 use aloft_compare::{Comparison, ModelComparison};
 use aloft_identify::{Determination, Origin, Parameters, Sigma};
@@ -205,10 +205,6 @@ const HEAVY_PRIOR: f64 = 10.0;
 /// What to do about noise that alone makes a large error in flight: it enters the rows on the side
 /// of the unknowns and biases parameters, most of all inertias, which no interval shows.
 fn noisy(comparison: &Comparison, weight_n: f64) -> Option<String> {
-    /// Floor as a share of the body's weight. Simulated chains with up to 1 mm of marker noise
-    /// stand below 0.6 %, a person with 3 mm of soft tissue at 1.5 %; 5 mm on a chain of 0.3 m,
-    /// which moves inertias by more than their intervals, at 9 to 16 %.
-    const LOUD: f64 = 0.05;
     let floor = comparison.against_floor.iter().find(|a| a.judged_on == "flight")?.floor?.noise_floor;
     let share = floor / weight_n;
     (share > LOUD).then(|| {
