@@ -258,9 +258,9 @@ fn slips_in_the_description_are_named() {
         let told = unwrapped(&[said.stdout, said.stderr].concat());
         assert!(!said.status.success() && told.contains(expected), "expected {expected}: {told}");
     }
-    // what the laboratory notes for itself has a key of its own
+    // what the laboratory notes for itself is its own business
     let lab = Lab::new();
-    lab.describe("total_mass_kg", "operator: Ann\nnotes: battery at 48 V\ntotal_mass_kg");
+    lab.describe("total_mass_kg", "operator: Ann\nbattery_v: 48\ntotal_mass_kg");
     lab.call(&["run"], &[], 0);
 }
 

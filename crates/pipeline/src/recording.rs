@@ -89,12 +89,13 @@ fn read_bids(name: &str, file: &Path, options: &ImportOptions) -> Result<Trial, 
         )
         .because(QcReason::UnreadableFile));
     };
-    let frames = json("_channels.json")?;
-    let axes = frames
-        .pointer("/reference_frame/Levels")
-        .and_then(serde_json::Value::as_object)
-        .and_then(|levels| levels.values().find_map(|l| l.get("SpatialAxes")?.as_str()));
     let (motion, channels) = (lossy(file)?, lossy(channels)?);
+    let frames = json("_channels.json")?;
+    let levels = frames.pointer("/reference_frame/Levels").and_then(serde_json::Value::as_object);
+    let axes = levels.and_then(|levels| {
+        let own = frame_of_positions(&channels).and_then(|name| levels.get(name));
+        own.or_else(|| levels.values().next().filter(|_| levels.len() == 1))?.get("SpatialAxes")?.as_str()
+    });
     let about = json("_motion.json")?;
     let number = |key: &str| about.get(key).and_then(serde_json::Value::as_f64);
     let (rate_hz, duration_s) = (number("SamplingFrequency"), number("RecordingDuration"));
@@ -104,6 +105,16 @@ fn read_bids(name: &str, file: &Path, options: &ImportOptions) -> Result<Trial, 
         trial.recorded = acquired(&lossy(scans)?, file);
     }
     Ok(trial)
+}
+
+/// The reference frame of the channels of positions in a `_channels.tsv`; other channels, such as
+/// angles of joints, may have frames of their own.
+fn frame_of_positions(channels: &str) -> Option<&str> {
+    let mut lines = channels.lines().map(|l| l.split('\t').map(str::trim).collect::<Vec<_>>());
+    let head = lines.next()?;
+    let column = |name: &str| head.iter().position(|h| h.trim_start_matches('\u{feff}').eq_ignore_ascii_case(name));
+    let (kind, frame) = (column("type")?, column("reference_frame")?);
+    lines.find(|cells| cells.get(kind) == Some(&"POS"))?.get(frame).copied()
 }
 
 /// The first few of a list of names.

@@ -1,8 +1,9 @@
 //! Keys of the files that a laboratory writes beside its recordings (`subject.yaml`, `object.yaml`,
 //! `robot.yaml`): those that are read, and those that only describe the recordings for people.
 //!
-//! Any other key is refused: a misspelt one would count as not given, and the result would be that
-//! of another body. Free text has a place under `notes`.
+//! A key that resembles one that is read is refused: a misspelt one would count as not given, and the
+//! result would be that of another body. So is every unknown key inside a mapping that is read, such
+//! as `noise`. What else a laboratory notes beside them is its own business.
 
 use crate::nearest::nearest;
 use crate::place::error_at;
@@ -166,7 +167,7 @@ pub(crate) static ROBOT: Keys = Keys {
     ],
 };
 
-/// Refuses a text of YAML with a key that is neither read nor one that describes.
+/// Refuses a text of YAML with a key that is a slip of one that is read.
 ///
 /// # Errors
 /// The place of the first such key, with the name that was probably meant.
@@ -193,7 +194,8 @@ fn unknown<'k>(keys: &'k Keys, value: &Value, path: &mut Vec<String>) -> Option<
             None => serde_yaml::to_string(key).unwrap_or_default().trim().to_owned(),
         };
         let own = keys.inside.iter().find(|(name, _)| *name == key || *name == "*").map(|(_, own)| *own);
-        if own.is_none() && !keys.read.contains(&key.as_str()) && !keys.told.contains(&key.as_str()) {
+        let is_known = own.is_some() || keys.read.contains(&key.as_str()) || keys.told.contains(&key.as_str());
+        if !is_known && (!path.is_empty() || resembles(&key, keys.read)) {
             return Some((path.clone(), key, keys));
         }
         if let Some(own) = own {
@@ -205,6 +207,20 @@ fn unknown<'k>(keys: &'k Keys, value: &Value, path: &mut Vec<String>) -> Option<
         }
     }
     None
+}
+
+/// Whether a key is a slip of one that is read, or of its first words: `gravty` of `gravity_m_s2`.
+fn resembles(key: &str, read: &[&str]) -> bool {
+    let key = key.to_lowercase();
+    let beginnings = |name: &str| -> Vec<String> {
+        let ends = name.match_indices('_').map(|(at, _)| at).chain([name.len()]);
+        ends.map(|end| name[..end].to_owned()).filter(|beginning| beginning.len() > 3).collect()
+    };
+    let near = |beginning: &String| {
+        let slips = if beginning.len() > 5 { 2 } else { 1 };
+        strsim::damerau_levenshtein(&key, beginning) <= slips
+    };
+    read.iter().flat_map(|name| beginnings(name)).any(|beginning| near(&beginning))
 }
 
 /// Byte of the first place at which a text has `key:`.
