@@ -90,8 +90,8 @@ fn page_judges(page: &str, errors: &[Value]) {
     let headline = page.split("<div class=\"headline ").nth(1).unwrap().split("</div>").next().unwrap();
     let shown = format!("<b class=\"word {signal}\">{words}</b>");
     assert!(headline.starts_with(&format!("{signal}\"")) && headline.contains(&shown), "{shown} for {headline}");
-    let rungs: Vec<&str> = page.split("<li class=\"rung ").skip(1).filter(|r| !r.contains("forecast")).collect();
-    let last = rungs.last().unwrap().split("</li>").next().unwrap();
+    let rungs = page.split("<li class=\"rung ").skip(1).map(|r| r.split("</li>").next().unwrap());
+    let last = rungs.filter(|r| !r.contains("forecast")).last().unwrap();
     let any = errors.iter().map(graded).any(|(_, words, signal)| {
         last.starts_with(&signal) && last.contains(&format!("<b class=\"word {signal}\">{words}</b>"))
     });
