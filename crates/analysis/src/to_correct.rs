@@ -147,8 +147,8 @@ fn markers(comparison: &Comparison, rows: &[KinematicsRow], weight_n: f64) -> Op
 
 /// Floor in flight as a share of the body's weight from which noise alone makes a large error.
 /// Simulated chains with up to 1 mm of marker noise stand below 0.6 %, a person with 3 mm of soft
-/// tissue at 1.5 %; 5 mm on a chain of 0.3 m, which moves inertias by more than their intervals, at 9
-/// to 16 %.
+/// tissue at 1.5 %; 5 mm on a chain of 0.3 m, which moves inertias by more than their intervals, at
+/// 9 to 16 %.
 pub(crate) const LOUD: f64 = 0.05;
 
 /// Floor of a recording over that of the session's others of the same kind from which it is spoilt:

@@ -1,9 +1,9 @@
 //! Keys of the files that a laboratory writes beside its recordings (`subject.yaml`, `object.yaml`,
 //! `robot.yaml`): those that are read, and those that only describe the recordings for people.
 //!
-//! A key that resembles one that is read is refused: a misspelt one would count as not given, and the
-//! result would be that of another body. So is every unknown key inside a mapping that is read, such
-//! as `noise`. What else a laboratory notes beside them is its own business.
+//! A key that resembles one that is read is refused: a misspelt one would count as not given, and
+//! the result would be that of another body. So is every unknown key inside a mapping that is read,
+//! such as `noise`. What else a laboratory notes beside them is its own business.
 
 use crate::nearest::nearest;
 use crate::place::error_at;

@@ -2,9 +2,9 @@
 //!
 //! * `ALOFT_STOP_BEFORE=n` ends the process before the n-th change, or with `ALOFT_STOP_TORN=1` in
 //!   the middle of it if it writes a file.
-//! * `ALOFT_FAULT=KIND@n` makes the n-th change fail as the system would: `nospace`, `io`, `access`,
-//!   or `short`, which writes half a file first. `KIND@n+` makes all that follow fail, too. `read@n`
-//!   makes the n-th reading of a file fail.
+//! * `ALOFT_FAULT=KIND@n` makes the n-th change fail as the system would: `nospace`, `io`,
+//!   `access`, or `short`, which writes half a file first. `KIND@n+` makes all that follow fail,
+//!   too. `read@n` makes the n-th reading of a file fail.
 //! * `ALOFT_FAULT_LOG=FILE` lists what failed, one line each; with `ALOFT_FAULT=count`, every
 //!   operation.
 //!
