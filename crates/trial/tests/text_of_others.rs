@@ -100,7 +100,8 @@ fn names_of_force_columns_change_nothing() {
     let side = |plate: usize| ["r", "l"][plate - 1];
     let of = |q: char, words: [&'static str; 3]| words[['f', 'p', 'm'].iter().position(|w| *w == q).unwrap()];
     let force = ["force", "force", "torque"];
-    let families: [(&str, &dyn Fn(usize, char, char) -> String); 7] = [
+    type Named<'a> = &'a dyn Fn(usize, char, char) -> String;
+    let families: [(&str, Named<'_>); 7] = [
         ("MOtoNMS", &|k, q, a| format!("ground_{}{k}_{}{a}", of(q, force), of(q, ["v", "p", ""]))),
         ("AddBiomechanics", &|k, q, a| format!("ground_force_calcn_{}_{}{a}", side(k), of(q, ["v", "p", "m"]))),
         ("vectors", &|k, q, a| format!("ground_{}_calcn_{}_{}{a}", of(q, force), side(k), of(q, ["v", "p", "v"]))),
