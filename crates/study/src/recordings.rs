@@ -164,7 +164,7 @@ pub fn trial_name(path: &Path) -> String {
 /// `derivatives`) and hidden folders are not looked into. Whatever has the name of a recording
 /// counts, so that what cannot be read is reported and not lost: data sets of DataLad or git-annex
 /// consist of links, some without a target. Of folders those count that hold no recording
-/// themselves, and those that may not be listed (under any name: see [`may_hold`]).
+/// themselves, and those that may not be listed (under any name: see `may_hold`).
 pub fn recordings_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     files_below(folder, is_recording)
 }

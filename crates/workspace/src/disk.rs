@@ -2,7 +2,7 @@
 //! they become visible; temporary names identify the process that owns them.
 //!
 //! Every operation on a file goes through this module, whichever crate asks for it, so that tests
-//! can end the process between any two of them and make any of them fail ([`crate::fault`]).
+//! can end the process between any two of them and make any of them fail (`crate::fault`).
 
 use crate::error::PipelineError;
 use crate::fault::{Extent, Operation, after_half, before};
