@@ -73,6 +73,9 @@ const PRIOR_WEIGHT: f64 = 0.5;
 /// Longest step of a coordinate, rad, for which the first order is sufficient: the second is a
 /// tenth of it.
 const FIRST_ORDER_RAD: f64 = 0.2;
+/// Largest change of a coordinate from one frame to the next that is extrapolated, rad or m (half of
+/// it for rotations).
+const STEADY: f64 = 0.05;
 /// Multiplicative updates of the variances.
 const UPDATES: usize = 40;
 
@@ -208,8 +211,9 @@ impl MarkerErrors {
                     tree.retract(motion.q(f), &step, moved);
                     if !is_small(&step) {
                         let place = |m: usize| response.place(m, &error(m));
-                        let targets = (0..self.seen.len()).map(place).collect();
-                        settle(&mut response.solver, targets, motion.q(f), moved);
+                        let targets: Vec<Vector3<f64>> = (0..self.seen.len()).map(place).collect();
+                        response.solver.targets = targets;
+                        settle(&mut response.solver, motion.q(f), moved);
                         // the solver is at another pose now
                         ready = false;
                     }
@@ -247,30 +251,32 @@ impl MarkerErrors {
         let mut out: Vec<Motion> = others.iter().map(|_| coordinates_of(motion)).collect();
         let problems: Vec<Problem> = others.iter().map(|other| self.problem_of(other)).collect();
         let mut solvers: Vec<Solver<'_>> = problems.iter().map(with_all_markers).collect();
+        let mut trails: Vec<Trail> = others.iter().map(|_| Trail::new(tree)).collect();
         let mut response = Response::new(&self.problem);
         let mut step = vec![0.0; tree.nv];
+        let (mut places, mut missed) = (Vec::new(), Vec::new());
         for f in 0..motion.n_frames() {
             if !motion.is_valid(f) || !wanted(f) || !response.at(motion.q(f)) {
                 continue;
             }
-            let places: Vec<Vector3<f64>> =
-                (0..self.seen.len()).map(|m| response.place(m, &Vector3::zeros())).collect();
-            for (solver, out) in solvers.iter_mut().zip(&mut out) {
+            places.clear();
+            places.extend((0..self.seen.len()).map(|m| response.place(m, &Vector3::zeros())));
+            for ((solver, trail), out) in solvers.iter_mut().zip(&mut trails).zip(&mut out) {
                 solver.problem.tree.forward(motion.q(f), &mut solver.pose);
                 // how far the other geometry misses each marker, in the axes of its link
-                let missed: Vec<Vector3<f64>> = (self.problem.markers.iter().zip(&solver.problem.markers))
-                    .zip(&places)
-                    .map(|((marker, its), place)| {
-                        let seen = solver.pose.origin[its.link] + solver.pose.rotation[its.link] * its.position;
-                        response.pose().rotation[marker.link].transpose() * (place - seen)
-                    })
-                    .collect();
+                missed.clear();
+                let pairs = self.problem.markers.iter().zip(&solver.problem.markers);
+                missed.extend(pairs.zip(&places).map(|((marker, its), place)| {
+                    let seen = solver.pose.origin[its.link] + solver.pose.rotation[its.link] * its.position;
+                    response.pose().rotation[marker.link].transpose() * (place - seen)
+                }));
                 response.step(&|m| missed[m], &mut step);
                 if step.iter().all(|x| x.is_finite()) {
                     let moved = &mut out.q[f * motion.nq..(f + 1) * motion.nq];
                     tree.retract(motion.q(f), &step, moved);
                     if !is_small(&step) {
-                        settle(solver, places.clone(), motion.q(f), moved);
+                        solver.targets.copy_from_slice(&places);
+                        trail.settle(solver, f, motion.q(f), moved);
                     }
                 }
             }
@@ -289,16 +295,61 @@ impl MarkerErrors {
     }
 }
 
-/// The fit to markers at `targets`, started from the pose `q` and written to `moved`, where one
+/// The fit to the solver's targets, started from the pose `q` and written to `moved`, where one
 /// step is too long for its first order: when a limb is nearly straight, errors of millimetres turn
 /// it about its length by a radian, which the first order would continue to any angle. Joints are
 /// attracted to `q`.
-fn settle(solver: &mut Solver<'_>, targets: Vec<Vector3<f64>>, q: &[f64], moved: &mut [f64]) {
-    solver.targets = targets;
+fn settle(solver: &mut Solver<'_>, q: &[f64], moved: &mut [f64]) {
     solver.rest_q.copy_from_slice(q);
     moved.copy_from_slice(q);
     if !solver.minimize(moved).cost.is_finite() {
         moved.copy_from_slice(q);
+    }
+}
+
+/// What another geometry does to the poses of consecutive frames: it changes slowly, so that the
+/// fit of the next frame needs one or two steps from where the last two lead.
+struct Trail {
+    /// The frame after the last one.
+    next: usize,
+    /// Number of consecutive frames before it, up to two.
+    known: usize,
+    before: Vec<f64>,
+    last: Vec<f64>,
+    foreseen: Vec<f64>,
+}
+
+impl Trail {
+    fn new(tree: &Tree) -> Self {
+        let change = vec![0.0; tree.nq];
+        Self { next: 0, known: 0, before: change.clone(), last: change.clone(), foreseen: change }
+    }
+
+    /// [`settle`] in frame `f`, started where the last frames lead.
+    fn settle(&mut self, solver: &mut Solver<'_>, f: usize, q: &[f64], moved: &mut [f64]) {
+        let tree = &solver.problem.tree;
+        if self.next != f {
+            self.known = 0;
+        }
+        let steady = |(a, b): (&f64, &f64)| (a - b).abs() < STEADY;
+        let mut fitted = false;
+        if self.known > 0 {
+            if self.known > 1 && self.before.iter().zip(&self.last).all(steady) {
+                tree.extrapolate(&self.before, &self.last, &mut self.foreseen);
+                tree.changed(q, &self.foreseen, moved);
+            } else {
+                tree.changed(q, &self.last, moved);
+            }
+            solver.rest_q.copy_from_slice(q);
+            fitted = solver.minimize(moved).converged;
+        }
+        if !fitted {
+            settle(solver, q, moved);
+        }
+        std::mem::swap(&mut self.before, &mut self.last);
+        tree.change(q, moved, &mut self.last);
+        self.known = if fitted { 2 } else { 1 };
+        self.next = f + 1;
     }
 }
 

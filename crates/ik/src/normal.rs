@@ -9,7 +9,7 @@
 //! since the ancestors of an ancestor are a prefix, every inner loop runs over two contiguous
 //! prefixes.
 
-use crate::tree::{NONE, Pose, Tree};
+use crate::tree::{JointColumns, NONE, Pose, Tree};
 use nalgebra::Vector3;
 
 /// Weighted moments of the markers on a link and its descendants, about the pose's reference point.
@@ -52,7 +52,7 @@ impl Moments {
     }
 
     /// Force and torque of a unit rate of a column, with the markers as masses.
-    fn response(&self, linear: &Vector3<f64>, angular: &Vector3<f64>) -> (Vector3<f64>, Vector3<f64>) {
+    fn response(&self, linear: &Vector3<f64>, angular: &Vector3<f64>) -> Pull {
         let [xx, yy, zz, xy, xz, yz] = self.second;
         let spin = Vector3::new(
             (yy + zz) * angular.x - xy * angular.y - xz * angular.z,
@@ -62,6 +62,9 @@ impl Moments {
         (linear * self.mass + angular.cross(&self.first), self.first.cross(linear) + spin)
     }
 }
+
+/// Force and torque about the pose's reference point.
+type Pull = (Vector3<f64>, Vector3<f64>);
 
 /// A symmetric matrix with the tree's sparsity pattern (or its factor), and a right-hand side.
 #[derive(Debug, Clone)]
@@ -98,17 +101,54 @@ impl Packed {
                 moments[parent].add(&below);
             }
         }
-        for column in 0..tree.nv {
-            let branch = &moments[tree.column_link[column]];
-            let (linear, angular) = (&pose.linear[column], &pose.angular[column]);
-            let (force, torque) = branch.response(linear, angular);
-            self.gradient[column] = linear.dot(&branch.force) + angular.dot(&branch.torque);
-            let above = &tree.ancestors[column];
-            let row = &mut self.values[self.start[column]..=self.start[column] + above.len()];
-            for (entry, &other) in row.iter_mut().zip(above) {
-                *entry = pose.linear[other].dot(&force) + pose.angular[other].dot(&torque);
+        for joint in &tree.joints {
+            let branch = &moments[joint.link];
+            let above = &tree.ancestors[joint.first];
+            if joint.count == 3 {
+                let pulls = [0, 1, 2].map(|i| self.project(pose, branch, joint.first + i));
+                let [first, second, third] = self.rows_of_three(joint, above.len());
+                for (a, &other) in above.iter().enumerate() {
+                    let (linear, angular) = (&pose.linear[other], &pose.angular[other]);
+                    first[a] = linear.dot(&pulls[0].0) + angular.dot(&pulls[0].1);
+                    second[a] = linear.dot(&pulls[1].0) + angular.dot(&pulls[1].1);
+                    third[a] = linear.dot(&pulls[2].0) + angular.dot(&pulls[2].1);
+                }
+                for (i, pull) in pulls.iter().enumerate() {
+                    self.within(pose, joint, i, above.len(), pull);
+                }
+            } else {
+                for i in 0..joint.count {
+                    let pull = self.project(pose, branch, joint.first + i);
+                    let row = &mut self.values[self.start[joint.first + i]..][..above.len()];
+                    for (entry, &other) in row.iter_mut().zip(above) {
+                        *entry = pose.linear[other].dot(&pull.0) + pose.angular[other].dot(&pull.1);
+                    }
+                    self.within(pose, joint, i, above.len(), &pull);
+                }
             }
-            row[above.len()] = linear.dot(&force) + angular.dot(&torque);
+        }
+    }
+
+    /// The entries above the joint in the rows of its three columns, of which there are `depth`.
+    fn rows_of_three(&mut self, joint: &JointColumns, depth: usize) -> [&mut [f64]; 3] {
+        let (first, rest) = self.values[self.start[joint.first]..].split_at_mut(depth + 1);
+        let (second, third) = rest.split_at_mut(depth + 2);
+        [&mut first[..depth], &mut second[..depth], &mut third[..depth]]
+    }
+
+    /// Force and torque of a column's unit rate; fills the gradient's entry.
+    fn project(&mut self, pose: &Pose, branch: &Moments, column: usize) -> Pull {
+        let (linear, angular) = (&pose.linear[column], &pose.angular[column]);
+        self.gradient[column] = linear.dot(&branch.force) + angular.dot(&branch.torque);
+        branch.response(linear, angular)
+    }
+
+    /// Entries of column `i` of a joint with the joint's own columns up to the diagonal; `depth`
+    /// columns are above the joint.
+    fn within(&mut self, pose: &Pose, joint: &JointColumns, i: usize, depth: usize, pull: &Pull) {
+        let row = &mut self.values[self.start[joint.first + i] + depth..][..=i];
+        for (entry, other) in row.iter_mut().zip(joint.first..) {
+            *entry = pose.linear[other].dot(&pull.0) + pose.angular[other].dot(&pull.1);
         }
     }
 
@@ -139,14 +179,60 @@ impl Packed {
                 self.values[at] *= 1.0 + damping;
             }
         }
-        for k in (0..tree.nv).rev() {
-            let above = &tree.ancestors[k];
-            let at = self.start[k];
-            let pivot = self.values[at + above.len()];
-            if pivot.is_nan() || pivot <= 1e-13 * source.values[at + above.len()] || pivot <= 0.0 {
-                return false;
+        let enough = |at: usize, pivot: f64| pivot > 1e-13 * source.values[at] && pivot > 0.0;
+        tree.joints.iter().rev().all(|joint| self.eliminate_joint(tree, joint, &enough))
+    }
+
+    /// Eliminates the rows of a joint as [`Packed::eliminate`] does one by one, three of them at
+    /// once: the numbers are the same. False if `enough` refuses the pivot at an index.
+    fn eliminate_joint(&mut self, tree: &Tree, joint: &JointColumns, enough: impl Fn(usize, f64) -> bool) -> bool {
+        if joint.count != 3 {
+            for k in (joint.first..joint.first + joint.count).rev() {
+                let at = self.diagonal(tree, k);
+                if !enough(at, self.values[at]) {
+                    return false;
+                }
+                self.eliminate(tree, k, 1.0 / self.values[at]);
             }
-            self.eliminate(tree, k, 1.0 / pivot);
+            return true;
+        }
+        let above = &tree.ancestors[joint.first];
+        let n = above.len();
+        let at = self.start[joint.first];
+        let (head, rows) = self.values.split_at_mut(at);
+        let (first, rest) = rows.split_at_mut(n + 1);
+        let (second, rest) = rest.split_at_mut(n + 2);
+        let third = &mut rest[..n + 3];
+        // among themselves
+        if !enough(at + 3 * n + 5, third[n + 2]) {
+            return false;
+        }
+        let of_third = 1.0 / third[n + 2];
+        let factor = third[n + 1] * of_third;
+        second.iter_mut().zip(&third[..n + 2]).for_each(|(t, r)| *t -= factor * r);
+        third[n + 1] = factor;
+        let factor = third[n] * of_third;
+        first.iter_mut().zip(&third[..=n]).for_each(|(t, r)| *t -= factor * r);
+        third[n] = factor;
+        if !enough(at + 2 * n + 2, second[n + 1]) {
+            return false;
+        }
+        let of_second = 1.0 / second[n + 1];
+        let factor = second[n] * of_second;
+        first.iter_mut().zip(&second[..=n]).for_each(|(t, r)| *t -= factor * r);
+        second[n] = factor;
+        if !enough(at + n, first[n]) {
+            return false;
+        }
+        let of_first = 1.0 / first[n];
+        // from the rows above
+        for (a, &i) in above.iter().enumerate().rev() {
+            let (f, g, h) = (first[a] * of_first, second[a] * of_second, third[a] * of_third);
+            let target = &mut head[self.start[i]..=self.start[i] + a];
+            for (((t, x), y), z) in target.iter_mut().zip(&first[..=a]).zip(&second[..=a]).zip(&third[..=a]) {
+                *t = *t - h * z - g * y - f * x;
+            }
+            (first[a], second[a], third[a]) = (f, g, h);
         }
         true
     }
@@ -203,26 +289,69 @@ impl Packed {
     /// Solves `H x = b` in place with a factor.
     pub fn solve(&self, tree: &Tree, x: &mut [f64]) {
         self.solve_upper(tree, x);
-        for k in 0..tree.nv {
-            let above = &tree.ancestors[k];
-            let at = self.start[k];
-            let mut value = x[k] / self.values[at + above.len()];
-            for (entry, &i) in self.values[at..at + above.len()].iter().zip(above) {
-                value -= entry * x[i];
+        for joint in &tree.joints {
+            let above = &tree.ancestors[joint.first];
+            let n = above.len();
+            if joint.count == 3 {
+                let [first, second, third] = self.three_rows(joint, n);
+                let c = joint.first;
+                let (mut u, mut v, mut w) = (x[c] / first[n], x[c + 1] / second[n + 1], x[c + 2] / third[n + 2]);
+                for (((a, b), c), &i) in first.iter().zip(second).zip(third).zip(above) {
+                    let known = x[i];
+                    u -= a * known;
+                    v -= b * known;
+                    w -= c * known;
+                }
+                v -= second[n] * u;
+                w -= third[n] * u;
+                w -= third[n + 1] * v;
+                x[c..c + 3].copy_from_slice(&[u, v, w]);
+                continue;
             }
-            x[k] = value;
+            for k in joint.first..joint.first + joint.count {
+                let above = &tree.ancestors[k];
+                let at = self.start[k];
+                let mut value = x[k] / self.values[at + above.len()];
+                for (entry, &i) in self.values[at..at + above.len()].iter().zip(above) {
+                    value -= entry * x[i];
+                }
+                x[k] = value;
+            }
         }
+    }
+
+    /// The rows of the three columns of a joint that has `depth` columns above it, diagonals last.
+    fn three_rows(&self, joint: &JointColumns, depth: usize) -> [&[f64]; 3] {
+        let (first, rest) = self.values[self.start[joint.first]..].split_at(depth + 1);
+        let (second, rest) = rest.split_at(depth + 2);
+        [first, second, &rest[..depth + 3]]
     }
 
     /// Solves `Lᵀ x = b` in place.
     pub fn solve_upper(&self, tree: &Tree, x: &mut [f64]) {
-        for k in (0..tree.nv).rev() {
-            let above = &tree.ancestors[k];
-            let at = self.start[k];
-            let value = x[k];
-            if value != 0.0 {
-                for (entry, &i) in self.values[at..at + above.len()].iter().zip(above) {
-                    x[i] -= entry * value;
+        for joint in tree.joints.iter().rev() {
+            if joint.count == 3 {
+                let above = &tree.ancestors[joint.first];
+                let n = above.len();
+                let [first, second, third] = self.three_rows(joint, n);
+                let c = joint.first;
+                let w = x[c + 2];
+                let v = x[c + 1] - third[n + 1] * w;
+                let u = x[c] - third[n] * w - second[n] * v;
+                (x[c], x[c + 1]) = (u, v);
+                for (((a, b), c), &i) in first.iter().zip(second).zip(third).zip(above) {
+                    x[i] = x[i] - c * w - b * v - a * u;
+                }
+                continue;
+            }
+            for k in (joint.first..joint.first + joint.count).rev() {
+                let above = &tree.ancestors[k];
+                let at = self.start[k];
+                let value = x[k];
+                if value != 0.0 {
+                    for (entry, &i) in self.values[at..at + above.len()].iter().zip(above) {
+                        x[i] -= entry * value;
+                    }
                 }
             }
         }

@@ -60,10 +60,18 @@ pub(crate) struct Limit {
     backwards: f64,
     sideways: f64,
     twist: f64,
+    /// Square of the cosine of half the smallest swing that reaches the limit.
+    surely_within: f64,
+    /// Tangent of half the largest twist.
+    half_twist: f64,
 }
+
+/// Relative distance from a limit within which rounding could decide.
+const NEAR_LIMIT: f64 = 1e-9;
 
 impl Limit {
     pub fn new(link: usize, q_index: usize, v_index: usize, range: &JointRange) -> Self {
+        let smallest = range.forwards_deg.min(range.backwards_deg).min(range.sideways_deg).clamp(0.0, 180.0);
         Self {
             link,
             q_index,
@@ -72,12 +80,19 @@ impl Limit {
             backwards: range.backwards_deg.to_radians(),
             sideways: range.sideways_deg.to_radians(),
             twist: range.twist_deg.to_radians(),
+            surely_within: (0.5 * smallest.to_radians()).cos().powi(2) * (1.0 + NEAR_LIMIT) + f64::MIN_POSITIVE,
+            half_twist: (0.5 * range.twist_deg.clamp(0.0, 180.0).to_radians()).tan() * (1.0 - NEAR_LIMIT),
         }
     }
 
     /// Excess of swing and twist beyond the range, rad, of the quaternion `[x y z w]`.
     pub fn excess(&self, q: &[f64]) -> [f64; 2] {
         let (x, y, z, w) = (q[0], q[1], q[2], q[3]);
+        // within the circle inside the ellipse no angle has to be known
+        let upright = y * y + w * w;
+        if upright > self.surely_within * (upright + x * x + z * z) && y.abs() < self.half_twist * w.abs() {
+            return [0.0; 2];
+        }
         let length = y.hypot(w);
         if length < 1e-9 {
             // half a turn of the long axis: the twist is not defined
@@ -176,6 +191,26 @@ mod tests {
         let direction = (x + z).normalize();
         let radius = 1.0 / (0.5 / 150.0_f64.powi(2) + 0.5 / 80.0_f64.powi(2)).sqrt();
         assert!(near(excess_deg(&[(direction, radius + 7.0)]), [7.0, 0.0]));
+    }
+
+    /// The circle of angles that are not computed lies inside the limits, up to them.
+    #[test]
+    fn within_the_range_without_angles() {
+        let near = Limit { surely_within: f64::INFINITY, ..thigh() };
+        let mut counts = [0; 3];
+        for i in 0..200 {
+            for (axis, far) in [(Vector3::z(), 1.0), (Vector3::x(), 1.0), (Vector3::new(0.7, 0.0, -0.7), 0.5)] {
+                let swing = UnitQuaternion::from_scaled_axis(axis * (far * (f64::from(i) * 0.02 - 2.0)));
+                for twist in [-1.5, -80f64.to_radians(), -0.3, 0.0, 1.396, 80f64.to_radians(), 2.0] {
+                    let q = swing * UnitQuaternion::from_scaled_axis(Vector3::y() * twist);
+                    let q = [q.i, q.j, q.k, q.w];
+                    let (found, full) = (thigh().excess(&q), near.excess(&q));
+                    assert_eq!(found, full, "{q:?}");
+                    counts[full.iter().filter(|x| **x != 0.0).count()] += 1;
+                }
+            }
+        }
+        assert!(counts.iter().all(|n| *n > 100), "{counts:?}");
     }
 
     #[test]

@@ -29,12 +29,22 @@ pub(crate) struct TreeLink {
     pub v_offset: usize,
 }
 
+/// The columns of one joint: consecutive, and all have the ancestors of the first.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct JointColumns {
+    pub link: usize,
+    pub first: usize,
+    pub count: usize,
+}
+
 /// The tree in flat layout.
 #[derive(Debug, Clone)]
 pub(crate) struct Tree {
     pub links: Vec<TreeLink>,
     pub nq: usize,
     pub nv: usize,
+    /// Columns of each joint that has any, root first.
+    pub joints: Vec<JointColumns>,
     /// Link of each velocity-space column.
     pub column_link: Vec<usize>,
     /// Columns above each column, root first; `ancestors[i]` is a prefix of `ancestors[j]` for each
@@ -60,6 +70,7 @@ pub(crate) struct Pose {
 impl Tree {
     pub fn new(model: &Model) -> Self {
         let mut links = Vec::with_capacity(model.links.len());
+        let mut joints = Vec::with_capacity(model.links.len());
         let mut column_link = Vec::with_capacity(model.nv);
         let mut ancestors: Vec<Vec<usize>> = Vec::with_capacity(model.nv);
         let mut last_column: Vec<usize> = Vec::with_capacity(model.links.len());
@@ -73,7 +84,11 @@ impl Tree {
                 chain.push(above);
             }
             let mut last = above;
-            for i in 0..link.joint.kind.nv() {
+            let count = link.joint.kind.nv();
+            if count > 0 {
+                joints.push(JointColumns { link: index, first: link.joint.v_offset, count });
+            }
+            for i in 0..count {
                 let column = link.joint.v_offset + i;
                 column_link.push(index);
                 ancestors.push(chain.clone());
@@ -92,7 +107,7 @@ impl Tree {
                 v_offset: link.joint.v_offset,
             });
         }
-        Self { links, nq: model.nq, nv: model.nv, column_link, ancestors }
+        Self { links, nq: model.nq, nv: model.nv, joints, column_link, ancestors }
     }
 
     pub fn pose(&self) -> Pose {
@@ -193,6 +208,43 @@ impl Tree {
                     store(&new, &mut out[iq..iq + 4]);
                 }
                 JointKind::Revolute(_) | JointKind::Prismatic(_) => out[iq] = q[iq] + dv[iv],
+                JointKind::Fixed => {}
+            }
+        }
+    }
+
+    /// The change from `q` to `moved`, in the layout of coordinates: differences of positions and
+    /// angles, rotations in the axes of `q`.
+    pub fn change(&self, q: &[f64], moved: &[f64], out: &mut [f64]) {
+        self.each(q, moved, out, |a, b| b - a, |a, b| a.inverse() * b);
+    }
+
+    /// `q` with a change of [`Tree::change`].
+    pub fn changed(&self, q: &[f64], change: &[f64], out: &mut [f64]) {
+        self.each(q, change, out, |a, b| a + b, |a, b| a * b);
+    }
+
+    /// Joins two sets of coordinates number by number and rotation by rotation.
+    fn each(
+        &self,
+        a: &[f64],
+        b: &[f64],
+        out: &mut [f64],
+        number: impl Fn(f64, f64) -> f64,
+        rotation: impl Fn(UnitQuaternion<f64>, UnitQuaternion<f64>) -> UnitQuaternion<f64>,
+    ) {
+        let turn = |at: usize, out: &mut [f64]| {
+            store(&rotation(quaternion(&a[at..at + 4]), quaternion(&b[at..at + 4])), &mut out[at..at + 4]);
+        };
+        for link in &self.links {
+            let at = link.q_offset;
+            match link.kind {
+                JointKind::Free => {
+                    (at..at + 3).for_each(|i| out[i] = number(a[i], b[i]));
+                    turn(at + 3, out);
+                }
+                JointKind::Spherical => turn(at, out),
+                JointKind::Revolute(_) | JointKind::Prismatic(_) => out[at] = number(a[at], b[at]),
                 JointKind::Fixed => {}
             }
         }
