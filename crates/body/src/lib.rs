@@ -40,6 +40,7 @@
 
 pub mod base_parameters;
 pub mod batch;
+mod batch_difference;
 mod displaced;
 mod dynamics;
 mod error;
@@ -59,6 +60,7 @@ mod xml;
 
 pub use base_parameters::{BaseParameter, BaseParameters};
 pub use batch::{FrameBatch, FrameBlock, LANES};
+pub use batch_difference::FrameDifferences;
 pub use error::BodyError;
 pub use geometry_equations::{GeometryEquations, PostureFactor};
 pub use inertia::{LinkInertia, PHI_NAMES, Phi};

@@ -1,9 +1,10 @@
 //! The draws behind the noise floor, trial by trial, for studies of what such errors do.
 
 use crate::input::TrialFacts;
-use aloft_body::{Model, Motion};
+use aloft_body::{FrameDifferences, LANES, Model, Motion};
 use nalgebra::Vector6;
 use serde::{Deserialize, Serialize};
+use std::array::from_fn;
 
 /// Error of one draw in one window: force (N) and moment (N·m), world axes.
 #[derive(Debug, Clone)]
@@ -69,11 +70,17 @@ impl TrialDraws {
 /// Mean change of every joint coordinate from one motion to another, over the frames for which
 /// `wanted` holds.
 pub(crate) fn mean_change(model: &Model, from: &Motion, to: &Motion, wanted: &dyn Fn(usize) -> bool) -> Vec<f32> {
-    let (mut sum, mut change, mut n) = (vec![0.0; model.nv], vec![0.0; model.nv], 0.0_f64);
-    for f in (0..from.n_frames()).filter(|&f| wanted(f) && from.is_valid(f) && to.is_valid(f)) {
-        model.difference(from.q(f), to.q(f), &mut change);
-        sum.iter_mut().zip(&change).for_each(|(s, c)| *s += c);
-        n += 1.0;
+    let frames: Vec<usize> =
+        (0..from.n_frames()).filter(|&f| wanted(f) && from.is_valid(f) && to.is_valid(f)).collect();
+    let differences = FrameDifferences::default();
+    let (mut sum, mut change) = (vec![0.0; model.nv], vec![[0.0; LANES]; model.nv]);
+    for some in frames.chunks(LANES) {
+        // the last frame fills the unused lanes
+        let at = |lane: usize| some[lane.min(some.len() - 1)];
+        differences.between(model, &from_fn(|lane| from.q(at(lane))), &from_fn(|lane| to.q(at(lane))), &mut change);
+        for lane in 0..some.len() {
+            sum.iter_mut().zip(&change).for_each(|(s, c)| *s += c[lane]);
+        }
     }
-    sum.iter().map(|s| (s / n.max(1.0)) as f32).collect()
+    sum.iter().map(|s| (s / frames.len().max(1) as f64) as f32).collect()
 }

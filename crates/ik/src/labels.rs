@@ -29,6 +29,8 @@ const GAIN_M: f64 = 0.002;
 const OVER_ALL: f64 = 0.7;
 const ALIKE: f64 = 1.2;
 const NOISE_M: f64 = 0.001;
+/// Distance that rounding cannot reach, m.
+const ROUNDING_M: f64 = 1e-9;
 /// Above this rigid residual the shape alone decides, m; below it the neighbour's pose has to
 /// agree.
 const SHAPE_M: f64 = 0.010;
@@ -123,6 +125,25 @@ impl Segment {
         }
         let (pose, rms_m) = fit_pose_of_seen(&local[..n], &seen[..n])?;
         Some(Fitted { rms_m, rotation: pose.rotation })
+    }
+
+    /// A lower limit of [`Fitted::rms_m`] without a fit: if the distance of two markers differs by δ
+    /// from that in the static trial, the squares of their residuals have a sum of at least δ²/2.
+    fn least_rms_m(&self, trial: &Trial, frame: usize, permutation: &[usize]) -> f64 {
+        let mut seen = [(0, Vector3::zeros()); MOST];
+        let mut n = 0;
+        let mut largest: f64 = 0.0;
+        for (i, &source) in self.sources.iter().enumerate() {
+            let Some(p) = trial.markers.position(source, frame) else { continue };
+            let place = &self.places_m[permutation[i]];
+            for (other, q) in &seen[..n] {
+                let still = (place - self.places_m[permutation[*other]]).norm();
+                largest = largest.max(((p - q).norm() - still).abs());
+            }
+            seen[n] = (i, p);
+            n += 1;
+        }
+        largest / (2.0 * n.max(1) as f64).sqrt()
     }
 }
 
@@ -232,6 +253,11 @@ fn of_segment(subject: &Subject, trial: &Trial, segment: &Segment, all: &[Segmen
     let score = |p: &Vec<usize>| -> (usize, f64) {
         let (mut count, mut sum) = (0, 0.0);
         for (f, plain) in &sampled {
+            // most exchanges are ruled out by distances; a margin for rounding
+            let most = if plain.rms_m > SHAPE_M { SHARE * plain.rms_m } else { ALIKE * plain.rms_m + NOISE_M };
+            if segment.least_rms_m(trial, *f, p) > most + ROUNDING_M {
+                continue;
+            }
             if better(*f, plain, p) == Some(true) {
                 count += 1;
                 sum += segment.fit(trial, *f, p).map_or(0.0, |x| x.rms_m);
@@ -311,5 +337,37 @@ mod tests {
             q.sort_unstable();
             q == [0, 1, 2, 3, 4] && *p != [0, 1, 2, 3, 4]
         }));
+    }
+
+    #[test]
+    fn no_fit_is_better_than_its_lower_limit() {
+        let places_m = [[0.1, 0.0, 0.0], [0.0, 0.2, 0.0], [-0.1, 0.05, 0.02], [0.03, -0.1, 0.08], [0.0, 0.1, -0.09]];
+        let places_m: Vec<Vector3<f64>> = places_m.map(Vector3::from).to_vec();
+        let mut trial = Trial::default();
+        trial.markers.n_frames = 6;
+        let moved = |f: usize, i: usize, p: &Vector3<f64>| {
+            let turn = UnitQuaternion::from_euler_angles(0.3 * f as f64, 1.0, -0.5 * f as f64);
+            let noise = Vector3::from_fn(|k, _| ((7 * f + 3 * i + k) as f64).sin());
+            // hidden once
+            if (f, i) == (2, 1) {
+                Vector3::repeat(f64::NAN)
+            } else {
+                turn * p + Vector3::x() + noise * 0.004 * f as f64
+            }
+        };
+        trial.markers.trajectories =
+            places_m.iter().enumerate().map(|(i, p)| (0..6).map(|f| moved(f, i, p)).collect()).collect();
+        trial.markers.labels = (0..5).map(|i| format!("m{i}")).collect();
+        let segment = Segment { link: 0, sources: (0..5).collect(), places_m, neighbour: None };
+        let mut closest: f64 = 0.0;
+        for frame in 0..6 {
+            for permutation in permutations(5).into_iter().chain([(0..5).collect()]) {
+                let rms_m = segment.fit(&trial, frame, &permutation).unwrap().rms_m;
+                let least = segment.least_rms_m(&trial, frame, &permutation);
+                assert!(least <= rms_m + 1e-12, "{least} above {rms_m}");
+                closest = closest.max(least / rms_m);
+            }
+        }
+        assert!(closest > 0.5, "a limit of {closest} of the residual rules nothing out");
     }
 }

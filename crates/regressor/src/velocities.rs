@@ -1,7 +1,8 @@
 //! Velocities of a motion by central differences on the manifold, over runs of frames without gaps.
 
-use aloft_body::{JointKind, Model, Motion};
+use aloft_body::{FrameDifferences, JointKind, LANES, Model, Motion};
 use nalgebra::Vector3;
+use std::array::from_fn;
 
 /// Runs of frames from `first` to before `end` for which `good` holds, as half-open ranges.
 pub(crate) fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
@@ -15,9 +16,18 @@ pub(crate) fn valid_runs(first: usize, end: usize, good: impl Fn(usize) -> bool)
 pub fn run_velocities(model: &Model, motion: &Motion, start: usize, end: usize) -> Vec<f64> {
     let (n, nv, most) = (end - start, model.nv, CENTRAL.len() - 1);
     let mut ahead = vec![0.0; n * most * nv];
-    for (i, steps) in ahead.chunks_exact_mut(most * nv).enumerate() {
-        for (k, step) in (1..=most).zip(steps.chunks_exact_mut(nv)).take_while(|(k, _)| i + k < n) {
-            model.difference(motion.q(start + i), motion.q(start + i + k), step);
+    let differences = FrameDifferences::default();
+    let mut lanes = vec![[0.0; LANES]; nv];
+    for k in 1..=most.min(n.saturating_sub(1)) {
+        for first in (0..n - k).step_by(LANES) {
+            // the last pair of frames fills the unused lanes
+            let of = |lane: usize| start + (first + lane).min(n - k - 1);
+            let (from, to) = (from_fn(|lane| motion.q(of(lane))), from_fn(|lane| motion.q(of(lane) + k)));
+            differences.between(model, &from, &to, &mut lanes);
+            for lane in 0..LANES.min(n - k - first) {
+                let step = &mut ahead[((first + lane) * most + k - 1) * nv..][..nv];
+                step.iter_mut().zip(&lanes).for_each(|(s, all)| *s = all[lane]);
+            }
         }
     }
     let mut out = vec![0.0; n * nv];

@@ -3,6 +3,9 @@
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
+/// Bins that are summed together: one sum alone waits for each of its additions.
+const BINS: usize = 8;
+
 /// One-sided power spectral density.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Spectrum {
@@ -38,19 +41,27 @@ pub fn welch(signal: &[f64], rate_hz: f64, segment: usize) -> Spectrum {
             for i in 0..n {
                 x[i] = (part[i] - mean) * window[i];
             }
-            for (k, d) in density.iter_mut().enumerate() {
-                let (mut re, mut im, mut at) = (0.0, 0.0, 0);
+            for (first, some) in (0..).step_by(BINS).zip(density.chunks_mut(BINS)) {
+                let (mut re, mut im, mut at) = ([0.0; BINS], [0.0; BINS], [0; BINS]);
+                // the last group may have more bins than there are
+                let step: [usize; BINS] = std::array::from_fn(|lane| (first + lane) % n);
                 for x in &x {
-                    re += x * circle[at].1;
-                    im -= x * circle[at].0;
-                    at += k;
-                    if at >= n {
-                        at -= n;
+                    for lane in 0..BINS {
+                        let (sine, cosine) = circle[at[lane]];
+                        re[lane] += x * cosine;
+                        im[lane] -= x * sine;
+                        at[lane] += step[lane];
+                        if at[lane] >= n {
+                            at[lane] -= n;
+                        }
                     }
                 }
-                // Negative frequencies are added, except for the two bins that mirror themselves.
-                let fold = if k == 0 || 2 * k == n { 1.0 } else { 2.0 };
-                *d += fold * scale * (re * re + im * im);
+                for (lane, d) in some.iter_mut().enumerate() {
+                    let k = first + lane;
+                    // Negative frequencies are added, except for the two bins that mirror themselves.
+                    let fold = if k == 0 || 2 * k == n { 1.0 } else { 2.0 };
+                    *d += fold * scale * (re[lane] * re[lane] + im[lane] * im[lane]);
+                }
             }
             segments += 1;
         }
