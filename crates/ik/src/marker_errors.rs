@@ -41,7 +41,7 @@
 //! `δq = G (p(q; γ₀) − p(q; γ))`, which [`MarkerErrors::with_geometry`] computes for draws of γ.
 
 use crate::frame::Solver;
-use crate::problem::Problem;
+use crate::problem::{Hinge, Problem};
 use crate::solve::match_markers;
 use crate::tree::{NONE, Pose, Tree};
 use crate::{IkError, IkOptions};
@@ -341,7 +341,11 @@ impl Trail {
                 tree.changed(q, &self.last, moved);
             }
             solver.rest_q.copy_from_slice(q);
-            fitted = solver.minimize(moved).converged;
+            // markers may fit a limb that is nearly straight on either side, and the way from frame
+            // to frame could lead to the other one
+            let converged = solver.minimize(moved).converged;
+            let same_side = |hinge: &Hinge| hinge.flexion(moved[hinge.q_index]) * hinge.flexion(q[hinge.q_index]) > 0.0;
+            fitted = converged && solver.problem.hinges.iter().all(same_side);
         }
         if !fitted {
             settle(solver, q, moved);

@@ -7,7 +7,7 @@ mod common;
 use aloft_body::{Motion, State, Subject};
 use aloft_ik::{IkOptions, MarkerErrors, solve};
 use aloft_trial::Trial;
-use common::{chain, motion, person, trial};
+use common::{chain, distance, motion, person, trial};
 use nalgebra::Vector3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -173,4 +173,42 @@ fn errors_of_a_straight_arm_stay_as_small_as_those_of_its_markers() {
     println!("largest move of a marker: errors {:.1} mm, another length {:.1} mm", 1e3 * largest, 1e3 * moved);
     assert!(largest < 0.04, "errors of 3 mm move a marker by {:.0} mm", 1e3 * largest);
     assert!(moved < 0.02, "an upper arm that is 4 % shorter moves a marker by {:.0} mm", 1e3 * moved);
+}
+
+/// Poses under another geometry start where those of the last frames lead; they are those that a
+/// fit from the motion itself gives, also where an arm is nearly straight and bends to either side.
+#[test]
+fn poses_under_another_geometry_are_those_of_each_frame_alone() {
+    let subject = person();
+    let elbow = subject.model.links.iter().find(|l| l.name == "forearm_l").unwrap().joint.q_offset;
+    let mut truth = motion(&subject, N, RATE_HZ, 0.2, 5);
+    for (f, q) in truth.iter_mut().enumerate() {
+        q[elbow] = 0.02 + 0.4 * (2.0 * f as f64 / RATE_HZ).sin().abs();
+    }
+    let mut made = trial(&subject, &truth, RATE_HZ, 5e-4, 6);
+    slide(&subject, &truth, &mut made, 3e-3, 7);
+    let solved = solve(&subject, &made, &IkOptions::default()).unwrap().motion;
+    let errors = MarkerErrors::of(&subject, &made, &solved, &IkOptions::default()).unwrap().unwrap();
+    let forearm = subject.model.links.iter().position(|l| l.name == "forearm_l").unwrap();
+    let others: Vec<Subject> = [0.9, 0.96, 0.99, 1.01, 1.04, 1.1]
+        .map(|length| {
+            let mut other = subject.clone();
+            other.model.links[forearm].joint.parent_from_joint.translation.vector *= length;
+            other
+        })
+        .to_vec();
+    let together = errors.with_geometry(&solved, &|_| true, &others);
+    // no two frames in a row
+    let halves = [0, 1].map(|odd| errors.with_geometry(&solved, &|f| f % 2 == odd, &others));
+    let (mut worst, mut far) = (0.0_f64, 0);
+    for ((other, all), alone) in others.iter().zip(&together).zip(halves[0].iter().zip(&halves[1])) {
+        for f in 0..N {
+            let alone = if f % 2 == 0 { alone.0 } else { alone.1 };
+            let apart = distance(other, all.q(f), alone.q(f));
+            worst = worst.max(apart);
+            far += usize::from(apart > 0.02);
+        }
+    }
+    println!("largest distance {worst:.4} rad, {far} of {} poses beyond 0.02 rad", N * others.len());
+    assert!(far * 100 < N * others.len(), "{far} poses differ by more than 0.02 rad, up to {worst}");
 }
