@@ -62,6 +62,7 @@ pub fn freshness(session: &SubjectSession) -> Result<Freshness, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let manifests = Manifests::read_and_examine(session, &ws, STAGES);
     let mut stale = not_current_of(session, &ws, &states(session, &ws, &manifests)?);
+    ws.all_read()?;
     if let Some(pending) = Revisions::load(&session.workspace)?.pending {
         stale.insert(
             0,
@@ -82,6 +83,7 @@ pub fn of_result(session: &SubjectSession, stage: &str, trial: &str) -> Result<O
     let ws = Workspace::open(&session.workspace);
     let manifests = Manifests::read(session, &ws, STAGES);
     let all = not_current_of(session, &ws, &states(session, &ws, &manifests)?);
+    ws.all_read()?;
     Ok(all.into_iter().find(|n| n.stage == stage && n.trial == trial))
 }
 

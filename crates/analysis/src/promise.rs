@@ -209,6 +209,7 @@ pub(crate) fn on_a_copy<T>(
     // not in the workspace would be left out of the numbers
     let new = |t: &&TaskReport| original.manifest(t.stage, &t.trial).is_some_and(|m| m.is_ok());
     let failed: Vec<String> = report.failures().filter(|(t, _)| new(t)).map(|(_, f)| f.problem.clone()).collect();
+    original.all_read()?;
     if !failed.is_empty() || !freshness(&with)?.is_current() {
         return Err(PipelineError::request(format!("it could not be computed: {}", failed.join("; "))));
     }

@@ -52,6 +52,7 @@ pub fn repeated(session: &SubjectSession) -> Result<Vec<Repeated>, PipelineError
             Some(record.map(|r: ImportRecord| (t.name.as_str(), [r.samples, r.plate_samples])))
         })
         .collect::<Result<_, PipelineError>>()?;
+    ws.all_read()?;
     let mut out = Vec::new();
     for (i, (second, b)) in sketches.iter().enumerate() {
         let shared = |(first, a): &(&str, [Vec<u64>; 2])| {

@@ -61,6 +61,7 @@ pub(crate) fn with_results<T>(
         .filter(|t| t.role.is_dynamic() && ws.manifest("regressor", &t.name).is_some_and(|m| m.is_ok()))
         .map(|t| (t.name.clone(), t.role))
         .collect();
+    ws.all_read()?;
     if trials.is_empty() {
         return Err(PipelineError::request_hint(
             format!("no trial in {} has rows", session.workspace.display()),

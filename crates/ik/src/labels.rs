@@ -127,8 +127,8 @@ impl Segment {
         Some(Fitted { rms_m, rotation: pose.rotation })
     }
 
-    /// A lower limit of [`Fitted::rms_m`] without a fit: if the distance of two markers differs by δ
-    /// from that in the static trial, the squares of their residuals have a sum of at least δ²/2.
+    /// A lower limit of [`Fitted::rms_m`] without a fit: if the distance of two markers differs by
+    /// δ from that in the static trial, the squares of their residuals have a sum of at least δ²/2.
     fn least_rms_m(&self, trial: &Trial, frame: usize, permutation: &[usize]) -> f64 {
         let mut seen = [(0, Vector3::zeros()); MOST];
         let mut n = 0;

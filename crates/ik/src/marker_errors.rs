@@ -73,8 +73,8 @@ const PRIOR_WEIGHT: f64 = 0.5;
 /// Longest step of a coordinate, rad, for which the first order is sufficient: the second is a
 /// tenth of it.
 const FIRST_ORDER_RAD: f64 = 0.2;
-/// Largest change of a coordinate from one frame to the next that is extrapolated, rad or m (half of
-/// it for rotations).
+/// Largest change of a coordinate from one frame to the next that is extrapolated, rad or m (half
+/// of it for rotations).
 const STEADY: f64 = 0.05;
 /// Multiplicative updates of the variances.
 const UPDATES: usize = 40;

@@ -58,7 +58,8 @@ pub fn welch(signal: &[f64], rate_hz: f64, segment: usize) -> Spectrum {
                 }
                 for (lane, d) in some.iter_mut().enumerate() {
                     let k = first + lane;
-                    // Negative frequencies are added, except for the two bins that mirror themselves.
+                    // Negative frequencies are added, except for the two bins that mirror
+                    // themselves.
                     let fold = if k == 0 || 2 * k == n { 1.0 } else { 2.0 };
                     *d += fold * scale * (re[lane] * re[lane] + im[lane] * im[lane]);
                 }

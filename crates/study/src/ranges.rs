@@ -11,6 +11,9 @@ use schemars::JsonSchema;
 use serde::de::DeserializeOwned;
 use serde_json::Value as Json;
 use serde_yaml::Value;
+use std::any::TypeId;
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 /// An invalid value: its place, the problem, and the description of the setting.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,20 +39,29 @@ pub fn parse_yaml<T: DeserializeOwned>(file: &str, text: &str) -> Result<T, Pipe
 ///
 /// # Errors
 /// Points at the place of the invalid value.
-pub fn parse<T: DeserializeOwned + JsonSchema>(file: &str, text: &str) -> Result<T, PipelineError> {
+pub fn parse<T: DeserializeOwned + JsonSchema + 'static>(file: &str, text: &str) -> Result<T, PipelineError> {
     too_deep(file, text)?;
     let mut value: Value = serde_yaml::from_str(text).map_err(|error| not_yaml(file, text, &error))?;
+    let infinite = not_finite(&value, &mut String::new());
     old_names::replace(&mut value);
-    match outside::<T>(&value) {
-        Some(o) => Err(shown(file, text, &o)),
-        None => parse_yaml(file, text),
+    if let Some(o) = outside::<T>(&value) {
+        return Err(shown(file, text, &o));
     }
+    let parsed = serde_yaml::from_str(text).map_err(|error| not_yaml(file, text, &error))?;
+    infinite.map_or(Ok(parsed), |o| Err(shown(file, text, &o)))
 }
 
 /// The first value that is outside its range, or is not a number where one is required.
-pub fn outside<T: JsonSchema>(value: &Value) -> Option<Outside> {
-    let schema = schemars::schema_for!(T).to_value();
+pub fn outside<T: JsonSchema + 'static>(value: &Value) -> Option<Outside> {
+    let schema = schema_of::<T>();
     Walk { root: &schema }.at(&schema, value, &mut String::new())
+}
+
+/// The schema of a type, made once: it takes longer than the reading of most files.
+fn schema_of<T: JsonSchema + 'static>() -> Arc<Json> {
+    static MADE: LazyLock<Mutex<HashMap<TypeId, Arc<Json>>>> = LazyLock::new(Mutex::default);
+    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
+    Arc::clone(made.entry(TypeId::of::<T>()).or_insert_with(|| Arc::new(schemars::schema_for!(T).to_value())))
 }
 
 /// Rejects NaN and infinite numbers anywhere in a YAML text.

@@ -25,6 +25,8 @@ pub struct Workspace {
     inputs: InputHashes,
     /// Results whose files this process compared with their hashes, with the problems found.
     examined: Mutex<HashMap<(String, String), Vec<String>>>,
+    /// The first manifest that is there and could not be read.
+    unread: Mutex<Option<PipelineError>>,
 }
 
 /// A folder in which a result is being made, not visible to readers; removed when dropped.
@@ -58,7 +60,12 @@ pub struct Complete {
 impl Workspace {
     /// Opens a workspace for reading; nothing is created.
     pub fn open(root: &Path) -> Self {
-        Self { root: root.to_path_buf(), inputs: InputHashes::open(root), examined: Mutex::default() }
+        Self {
+            root: root.to_path_buf(),
+            inputs: InputHashes::open(root),
+            examined: Mutex::default(),
+            unread: Mutex::default(),
+        }
     }
 
     /// Removes the unfinished files of killed processes, and restores results that they had moved
@@ -126,9 +133,31 @@ impl Workspace {
         self.root.join(stage).join(trial)
     }
 
-    /// The manifest of a result, if it exists and is undamaged.
+    /// The manifest of a result, if it exists and is undamaged. One that the system cannot read is
+    /// none either, and [`Workspace::all_read`] says so.
     pub fn manifest(&self, stage: &str, trial: &str) -> Option<Manifest> {
-        seal::read(&self.place(stage, trial).join(MANIFEST)).ok()
+        let missing = |problem: &std::io::Error| {
+            matches!(problem.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory)
+        };
+        match seal::read(&self.place(stage, trial).join(MANIFEST)) {
+            Ok(manifest) => Some(manifest),
+            Err(PipelineError::Io { problem, .. }) if missing(&problem) => None,
+            Err(error) => {
+                if matches!(error, PipelineError::Io { .. }) {
+                    self.unread.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+                }
+                None
+            }
+        }
+    }
+
+    /// To be asked before a number that rests on manifests is shown: a result whose manifest cannot
+    /// be read counts as missing, and another number would follow without a word.
+    ///
+    /// # Errors
+    /// A manifest could not be read since this was asked last.
+    pub fn all_read(&self) -> Result<(), PipelineError> {
+        self.unread.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
     }
 
     /// Problems in the files of a result, in words; empty if they are unchanged or if there is no

@@ -207,12 +207,15 @@ pub(super) fn trial(
 ) -> Result<Result<TrialExport, String>, PipelineError> {
     let name = &entry.name;
     let is_ok = |stage: &str| ws.manifest(stage, name).is_some_and(|m| m.is_ok());
-    if !is_ok("import") {
+    let imported = is_ok("import");
+    ws.all_read()?;
+    if !imported {
         return Ok(Err("it was not imported; see `aloft status`".to_owned()));
     }
     let mut trial = load_trial(&ws.place("import", name))?;
     let motion = |stage: &str| is_ok(stage).then(|| load_motion(&ws.place(stage, name))).transpose();
     let (solved, filtered) = (motion("ik")?, motion("filter")?);
+    ws.all_read()?;
     let solved_ok = solved.is_some();
     let mut flights = Vec::new();
     if is_ok("flight") {
@@ -293,6 +296,7 @@ pub(super) fn state(session: &SubjectSession, ws: &Workspace, convention: Conven
             add(&ws.manifest(stage.name, name).map(|m| m.output).unwrap_or_default());
         }
     }
+    ws.all_read()?;
     Ok(hasher.finalize().to_hex().to_string())
 }
 

@@ -17,7 +17,7 @@ use aloft_simulate::Scenario;
 use aloft_study::config::{PipelineConfig, Sections};
 use aloft_study::data_set::DataSet;
 use aloft_study::subject_session::Overrides;
-use aloft_study::{catalog, ranges};
+use aloft_study::{catalog, facts, ranges};
 use aloft_trial::{BidsMotion, ImportOptions, MarkerSet, Trial};
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::manifest::Manifest;
@@ -38,7 +38,7 @@ type Read = fn(&[u8]);
 /// Name, reader, and the files that are damaged.
 type Target = (&'static str, Read, fn() -> Vec<Vec<u8>>);
 
-const TARGETS: [Target; 17] = [
+const TARGETS: [Target; 20] = [
     ("trc", |b| drop(Trial::from_trc_mot("t", &lossy(b), None, &ImportOptions::default())), || texts(&[TRC])),
     ("mot", |b| drop(Trial::contents_of_mot("t", &lossy(b), &ImportOptions::default())), || texts(&[MOT])),
     ("sto", |b| drop(Trial::from_trc_mot("t", TRC, Some(&lossy(b)), &ImportOptions::default())), || texts(&[MOT])),
@@ -62,9 +62,10 @@ const TARGETS: [Target; 17] = [
     ("subject", subject, || files(&["fixtures/human_twin/subject.yaml"])),
     ("robot", plain::<RobotDescription>, || files(&["fixtures/robot/robot.yaml"])),
     ("scenario", plain::<Scenario>, || configs("scenarios")),
-    ("sets", sets, || {
-        [configs("markersets"), configs("objects"), configs("models"), configs("anthropometry")].concat()
-    }),
+    ("markersets", plain::<MarkerSet>, || configs("markersets")),
+    ("objects", plain::<ObjectSpec>, || configs("objects")),
+    ("models", links, || configs("models")),
+    ("anthropometry", plain::<Anthropometry>, || configs("anthropometry")),
     ("formula", formula, || configs("effects")),
     ("manifest", manifest, || texts(&[MANIFEST])),
 ];
@@ -193,16 +194,14 @@ fn plain<T: serde::de::DeserializeOwned>(bytes: &[u8]) {
     shown(ranges::parse_yaml::<T>("f.yaml", &lossy(bytes)));
 }
 
-fn checked<T: serde::de::DeserializeOwned + schemars::JsonSchema>(bytes: &[u8]) {
+fn checked<T: serde::de::DeserializeOwned + schemars::JsonSchema + 'static>(bytes: &[u8]) {
     shown(ranges::parse::<T>("f.yaml", &lossy(bytes)));
 }
 
-fn sets(bytes: &[u8]) {
-    plain::<MarkerSet>(bytes);
-    plain::<ObjectSpec>(bytes);
-    plain::<Anthropometry>(bytes);
-    if let Ok(spec) = ranges::parse_yaml::<ModelSpec>("f.yaml", &lossy(bytes)) {
-        drop(Model::from_spec(&spec));
+fn links(bytes: &[u8]) {
+    match ranges::parse_yaml::<ModelSpec>("f.yaml", &lossy(bytes)) {
+        Ok(spec) => drop(Model::from_spec(&spec)),
+        Err(e) => shown::<()>(Err(e)),
     }
 }
 
@@ -214,6 +213,12 @@ fn in_file<T>(name: &str, bytes: &[u8], read: impl FnOnce(PathBuf) -> T) -> T {
 
 fn subject(bytes: &[u8]) {
     in_file("subject.yaml", bytes, |path| {
+        // opening a study takes a hundred times as long as reading its facts: where they cannot be
+        // read, one study in eight shows the error
+        let stated = facts::stated_name(path.parent().unwrap_or(&path));
+        if stated.is_none() && !bytes.len().is_multiple_of(8) {
+            return;
+        }
         std::fs::write(path.with_file_name("static.c3d"), "").unwrap();
         let pipeline = path.with_file_name("p.yaml");
         std::fs::write(&pipeline, "name: t\ndata: .\nmodel: human34\nmarker_set: plug-in-gait-35\n").unwrap();

@@ -31,7 +31,7 @@ fn parsed<T: serde::de::DeserializeOwned>(text: &str) -> Result<(), PipelineErro
     ranges::parse_yaml::<T>("f.yaml", text).map(drop)
 }
 
-fn checked<T: serde::de::DeserializeOwned + schemars::JsonSchema>(text: &str) -> Result<(), PipelineError> {
+fn checked<T: serde::de::DeserializeOwned + schemars::JsonSchema + 'static>(text: &str) -> Result<(), PipelineError> {
     ranges::parse::<T>("f.yaml", text).map(drop)
 }
 
