@@ -196,7 +196,11 @@ fn fail(bench: &Bench, case: &Case, fault: &str, reference: &Reference, tally: &
         let verified = bench.command(&["verify", "P"], &ws, &out).output().unwrap();
         assert!(verified.status.success(), "{what}: {}", String::from_utf8_lossy(&verified.stdout));
     } else {
-        assert!(outside(&out) == reference.files, "{what}: what was written differs\n{fired}");
+        let written = outside(&out);
+        // a recording that cannot be read is named on screen and in the pipeline, which is written
+        let holds = |bytes: &Vec<u8>| String::from_utf8_lossy(bytes).contains("(a test)");
+        let is_named = case.words[0] == "init" && said.contains("(a test)") && written.values().any(holds);
+        assert!(is_named || written == reference.files, "{what}: what was written differs\n{fired}");
     }
     let left: Vec<String> = fs::read_dir(bench.at(name))
         .unwrap()
@@ -239,7 +243,9 @@ fn reference(bench: &Bench, case: &Case) -> Reference {
 fn drive(per_kind: usize, kinds: impl Fn(usize) -> Vec<&'static str>) {
     let bench = Bench::new();
     let mut total = Tally::default();
-    for (c, case) in CASES.iter().enumerate() {
+    let only = std::env::var("ALOFT_FAULT_COMMAND").ok();
+    let wanted = |case: &Case| only.as_ref().is_none_or(|name| case.words[0] == name);
+    for (c, case) in CASES.iter().enumerate().filter(|(_, case)| wanted(case)) {
         let known = reference(&bench, case);
         let mut tally = Tally::default();
         for (k, kind) in kinds(c).into_iter().enumerate() {
@@ -279,7 +285,8 @@ fn regress_a_failed_operation_is_named_or_changes_nothing() {
 }
 
 /// The full test: `cargo test --release -p aloft-cli --test stories every_kind_of_failure --
-/// --ignored --nocapture`; with `ALOFT_FAULTS=n` it tries n places of each kind and command.
+/// --ignored --nocapture`; with `ALOFT_FAULTS=n` it tries n places of each kind and command,
+/// with `ALOFT_FAULT_COMMAND=init` only the cases of one command.
 #[test]
 #[ignore = "takes many minutes"]
 fn every_kind_of_failure_in_every_command() {

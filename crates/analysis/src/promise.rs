@@ -45,7 +45,13 @@ pub(crate) fn promised(
     laws: &[&FoundLaw],
     volume: Volume,
 ) -> Result<Option<Promised>, PipelineError> {
-    if (found.is_empty() && laws.is_empty()) || !freshness(session)?.is_current() {
+    if found.is_empty() && laws.is_empty() {
+        return Ok(None);
+    }
+    let fresh = freshness(session)?;
+    // results that were whole when the question was asked
+    fresh.refuse_damaged(session, &[])?;
+    if !fresh.is_current() {
         return Ok(None);
     }
     let with = with_reference(session)?;
@@ -210,7 +216,11 @@ pub(crate) fn on_a_copy<T>(
     let new = |t: &&TaskReport| original.manifest(t.stage, &t.trial).is_some_and(|m| m.is_ok());
     let failed: Vec<String> = report.failures().filter(|(t, _)| new(t)).map(|(_, f)| f.problem.clone()).collect();
     original.all_read()?;
-    if !failed.is_empty() || !freshness(&with)?.is_current() {
+    let after = freshness(&with)?;
+    if failed.is_empty() {
+        after.refuse_damaged(&with, &[])?;
+    }
+    if !failed.is_empty() || !after.is_current() {
         return Err(PipelineError::request(format!("it could not be computed: {}", failed.join("; "))));
     }
     let out = read(&with);
