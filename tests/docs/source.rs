@@ -190,18 +190,22 @@ fn items(text: &str) -> Vec<(String, Item)> {
 
 fn fields(body: &[&str]) -> Vec<Field> {
     let mut out = Vec::new();
-    let (mut doc, mut flatten, mut renamed) = (Vec::new(), false, None);
+    let (mut doc, mut flatten, mut skipped, mut renamed) = (Vec::new(), false, false, None);
     for line in body {
         let line = line.trim();
         if let Some(d) = line.strip_prefix("///") {
             doc.push(d.trim());
         } else if line.starts_with("#[") {
             flatten |= line.contains("flatten");
+            skipped |= line.contains("serde(skip)");
             renamed = renamed.or(line.split_once("rename = \"").and_then(|(_, r)| r.split('"').next()));
         } else if let Some((name, kind)) = line.strip_prefix("pub ").and_then(|l| l.split_once(": ")) {
             let name = renamed.take().unwrap_or(name).trim_start_matches("r#").to_owned();
             let doc = without_code_links(&std::mem::take(&mut doc).join(" "));
-            out.push(Field { name, kind: kind.trim_end_matches(',').to_owned(), doc, flatten });
+            // what is skipped is in no JSON
+            if !std::mem::take(&mut skipped) {
+                out.push(Field { name, kind: kind.trim_end_matches(',').to_owned(), doc, flatten });
+            }
             flatten = false;
         }
     }
@@ -319,7 +323,9 @@ fn messages_and_fields_are_read() {
     assert_eq!(found[0].1[0].text, "{file}: cannot \"read\"");
     assert_eq!(found[0].1[0].doc, "Why it is.");
     assert_eq!(found[0].1[0].help.as_deref(), Some("do this"));
-    let found = items("pub struct A {\n    /// One.\n    #[serde(flatten)]\n    pub a: Option<B>,\n}\n");
+    let skipped = "    /// No JSON.\n    #[serde(skip)]\n    pub z: u8,\n";
+    let found =
+        items(&format!("pub struct A {{\n{skipped}    /// One.\n    #[serde(flatten)]\n    pub a: Option<B>,\n}}\n"));
     let Item::Struct(fields) = &found[0].1 else { panic!() };
     assert!(fields[0].flatten && fields[0].doc == "One." && fields[0].kind == "Option<B>");
 }

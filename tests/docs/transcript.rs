@@ -34,7 +34,7 @@ fn listings(lines: &[&str]) -> Vec<Listing> {
 
 fn run(command: &str, place: &Path) -> String {
     let bin = Path::new(env!("CARGO_BIN_EXE_aloft")).parent().unwrap();
-    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap_or_default());
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").ok().unwrap_or_default());
     let output = Command::new("sh")
         .args(["-c", &format!("{{ {command}\n}} 2>&1")])
         .current_dir(place)

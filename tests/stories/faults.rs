@@ -159,7 +159,7 @@ fn fail(bench: &Bench, case: &Case, fault: &str, reference: &Reference, tally: &
     let _ = fs::remove_file(&log);
     let (ws, out, output) = bench.ended(case, name, Some((fault, &log)));
     let said = unwrapped(&output.stderr);
-    let fired = fs::read_to_string(&log).unwrap_or_default();
+    let fired = fs::read_to_string(&log).ok().unwrap_or_default();
     let answer = String::from_utf8_lossy(&output.stdout).into_owned();
     let code = output.status.code().unwrap_or_else(|| panic!("{what}: ended by a signal\n{said}"));
     if fired.is_empty() {

@@ -51,7 +51,7 @@ fn laboratory(at: &Path, names: &[&str]) {
 /// Runs a line in a shell, in a folder where `aloft` is a command.
 fn shell(line: &str, at: &Path) -> Output {
     let program = Path::new(env!("CARGO_BIN_EXE_aloft"));
-    let path = format!("{}:{}", program.parent().unwrap().display(), std::env::var("PATH").unwrap_or_default());
+    let path = format!("{}:{}", program.parent().unwrap().display(), std::env::var("PATH").ok().unwrap_or_default());
     Command::new("sh").arg("-c").arg(line).env("PATH", path).env("NO_COLOR", "1").current_dir(at).output().unwrap()
 }
 

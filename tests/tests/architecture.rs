@@ -313,3 +313,86 @@ fn only_the_workspace_crate_changes_files() {
     }
     assert!(read > 300, "{read} files");
 }
+
+/// Crates whose functions end in numbers: there even text that is no number is settled.
+const SCIENCE: [&str; 10] =
+    ["trial", "scale", "filter", "ik", "flight", "effects", "regressor", "identify", "compare", "robot"];
+
+/// Ways to go on after an error without it. `unwrap_or_default` and `map_or` of a `Result` are
+/// refused by Clippy (`clippy.toml`), because they look like those of an `Option`.
+const DROPS: [&str; 8] = [
+    ".ok()",
+    "Result::ok",
+    "let Ok(",
+    "Err(_)",
+    ".is_ok_and(",
+    ".unwrap_or_else(|_|",
+    ".map_or_else(|_|",
+    ".or_else(|_|",
+];
+
+/// Forms that ask whether a text or a number has a form; a lock has no error but that of another
+/// thread's panic.
+const QUESTIONS: [&str; 9] = [
+    "parse",
+    "try_from(",
+    "try_into()",
+    "strip_prefix(",
+    "env::var(",
+    ".lock()",
+    "from_utf8",
+    "canonicalize()",
+    "binary_search",
+];
+
+/// Lines above an error that is dropped within which its reason stands.
+const NEAR: usize = 4;
+
+/// The lines of a source at which an error is dropped without a reason.
+fn dropped_errors(text: &str, science: bool) -> Vec<usize> {
+    // tests in a file stand at its end
+    let code = text.split("#[cfg(test)]\nmod").next().unwrap_or_default();
+    let lines: Vec<&str> = code.lines().collect();
+    let reasoned = |i: usize| lines[i.saturating_sub(NEAR)..=i].iter().any(|l| l.contains("// none: "));
+    let asks = |i: usize| {
+        let continues = lines[i].trim_start().starts_with('.');
+        let first = if continues { i.saturating_sub(1) } else { i };
+        lines[first..=i].iter().any(|l| QUESTIONS.iter().any(|q| l.contains(q)))
+    };
+    let drops = |i: &usize| {
+        let code = lines[*i].trim_start();
+        !code.starts_with("//") && DROPS.iter().any(|d| code.contains(d))
+    };
+    (0..lines.len()).filter(drops).filter(|i| !reasoned(*i) && (science || !asks(*i))).map(|i| i + 1).collect()
+}
+
+/// No error is lost on the way to a number: each place that goes on without one says why nothing is
+/// lost (`// none: …`). Anything else fails the answer, or is named in it.
+#[test]
+fn every_dropped_error_has_its_reason() {
+    let with = |line: &str| format!("fn f() {{\n{line}\n}}\n");
+    for lost in ["let x = read(path).ok()?;", "if let Ok(x) = read(path) {}", "match x { Err(_) => 0.0 }"] {
+        assert_eq!(dropped_errors(&with(lost), false), [2], "{lost}");
+        assert!(dropped_errors(&with(&format!("// none: read again\n{lost}")), false).is_empty());
+    }
+    let asked = with("let x: Option<f64> = word.parse().ok();");
+    assert!(dropped_errors(&asked, false).is_empty());
+    assert_eq!(dropped_errors(&asked, true), [2]);
+
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates");
+    let mut read = 0;
+    let mut lost = Vec::new();
+    for name in ORDER {
+        for (file, text) in sources(&crates.join(name).join("src")) {
+            let relative = Path::new(&file).strip_prefix(&crates).unwrap();
+            if relative.iter().any(|part| part == "tests" || part.to_string_lossy().ends_with("tests.rs")) {
+                continue;
+            }
+            read += 1;
+            let at = dropped_errors(&text, SCIENCE.contains(&name)).into_iter();
+            lost.extend(at.map(|line| format!("{}:{line}", relative.display())));
+        }
+    }
+    assert!(read > 500, "{read} files");
+    assert!(lost.is_empty(), "errors are dropped without a reason (`// none: …` above the line): {lost:#?}");
+}

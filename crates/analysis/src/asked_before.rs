@@ -11,10 +11,12 @@ use aloft_study::subject_session::SubjectSession;
 /// The stored answer for the present model, if the same question was asked and nothing that it
 /// rests on has changed since.
 pub fn answered(session: &SubjectSession, options: &DiscoverOptions) -> Option<DiscoveryView> {
+    // none: an answer that cannot be read is computed again
     let kept = present(session).ok()??;
     if kept.question.is_none() || kept.question != question(session, options) {
         return None;
     }
+    // none: computing the answer again names what is damaged
     let errors = compare(session).ok()?.errors;
     Some(DiscoveryView {
         discovery: kept.answer,

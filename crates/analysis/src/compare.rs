@@ -228,6 +228,7 @@ fn to_do(p: &Parameters) -> Option<String> {
 /// Why nothing was identified, as the stage `identify` said it.
 pub fn nothing_identified(ws: &Workspace) -> String {
     read_json(&ws.place("identify", WHOLE_STUDY).join(NOTHING_IDENTIFIED))
+        // none: only the words that the stage wrote
         .unwrap_or_else(|_| "nothing was identified; the masses are from tables".to_owned())
 }
 

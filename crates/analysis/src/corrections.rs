@@ -15,7 +15,7 @@ use aloft_study::revision::{Revision, Revisions};
 use aloft_study::subject_session::SubjectSession;
 use aloft_trial::vertical_of_fall;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::workspace::Workspace;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -46,7 +46,10 @@ fn may_be_an_effect(session: &SubjectSession, line: &str) -> bool {
 /// The corrections that a session's measurements offer; those that its results already contain are
 /// not offered again, since the measurements then agree. The measurements do not use the model, so
 /// what an effect of the model may have caused is not offered ([`crate::explanations`]).
-pub fn offers(session: &SubjectSession, check: &SessionCheck) -> Vec<Offer> {
+///
+/// # Errors
+/// A result is there and cannot be read.
+pub fn offers(session: &SubjectSession, check: &SessionCheck) -> Result<Vec<Offer>, PipelineError> {
     let mut out = Vec::new();
     let differs = |l: &&SessionLine| l.status == LineStatus::Differs && !may_be_an_effect(session, l.id);
     let line = |id: &str| check.lines.iter().filter(differs).find(|l| l.id == id);
@@ -86,9 +89,9 @@ pub fn offers(session: &SubjectSession, check: &SessionCheck) -> Vec<Offer> {
             ),
         });
     }
-    out.extend(plate_zeros(session));
+    out.extend(plate_zeros(session)?);
     if let Some(l) = line("vertical")
-        && let Some(fall) = mean_fall(session)
+        && let Some(fall) = mean_fall(session)?
         && let Some([x, y]) = vertical_of_fall(&fall)
     {
         let [a, b] = applied.vertical_deg;
@@ -116,20 +119,23 @@ pub fn offers(session: &SubjectSession, check: &SessionCheck) -> Vec<Offer> {
             ),
         });
     }
-    out
+    Ok(out)
 }
 
 /// Force, N, and moment, N·m, of an unloaded plate.
 type Reading = (Vector3<f64>, Vector3<f64>);
 
 /// Zeros of plates that are never unloaded in some recordings and agree among the others.
-fn plate_zeros(session: &SubjectSession) -> Option<Offer> {
+fn plate_zeros(session: &SubjectSession) -> Result<Option<Offer>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let mut known: BTreeMap<String, Vec<Reading>> = BTreeMap::new();
     let mut unknown: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for trial in session.included().filter(|t| t.role.is_dynamic()) {
-        ws.manifest("flight", &trial.name).filter(|m| m.is_ok())?;
-        let tares: Vec<PlateTare> = read_json(&ws.place("flight", &trial.name).join("tare.json")).ok()?;
+        if ws.manifest_if_there("flight", &trial.name)?.is_none_or(|m| !m.is_ok()) {
+            return Ok(None);
+        }
+        let tares: Option<Vec<PlateTare>> = read_json_if_there(&ws.place("flight", &trial.name).join("tare.json"))?;
+        let Some(tares) = tares else { return Ok(None) };
         for t in tares {
             if t.source == TareSource::None {
                 unknown.entry(t.plate).or_default().push(trial.name.clone());
@@ -162,22 +168,20 @@ fn plate_zeros(session: &SubjectSession) -> Option<Offer> {
             trials.join(", ")
         ));
     }
-    (!evidence.is_empty()).then(|| Offer { key: "plate_zero", yaml, evidence: evidence.join("; ") })
+    Ok((!evidence.is_empty()).then(|| Offer { key: "plate_zero", yaml, evidence: evidence.join("; ") }))
 }
 
 /// Mean acceleration in flight over all recordings, m/s².
-fn mean_fall(session: &SubjectSession) -> Option<Vector3<f64>> {
+fn mean_fall(session: &SubjectSession) -> Result<Option<Vector3<f64>>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let (mut sum, mut n) = (Vector3::zeros(), 0.0);
     for trial in session.included().filter(|t| t.role.is_dynamic()) {
-        let Ok(report) = read_json::<FlightReport>(&ws.place("flight", &trial.name).join("flights.json")) else {
-            continue;
-        };
-        let Some(fall) = report.free_fall else { continue };
+        let report: Option<FlightReport> = read_json_if_there(&ws.place("flight", &trial.name).join("flights.json"))?;
+        let Some(fall) = report.and_then(|r| r.free_fall) else { continue };
         sum += Vector3::from(fall.acceleration_mps2) * fall.flights as f64;
         n += fall.flights as f64;
     }
-    (n > 0.0).then(|| sum / n)
+    Ok((n > 0.0).then(|| sum / n))
 }
 
 /// The offers as a block of the pipeline, with the evidence as comments.

@@ -343,14 +343,20 @@ pub fn discover(
 }
 
 /// The stored answer for the present model, if it was computed from the present results.
-pub fn latest(session: &SubjectSession) -> Option<Discovery> {
-    answers::present(session).ok()?.map(|kept| kept.answer)
+///
+/// # Errors
+/// The model or the answer is damaged or cannot be read.
+pub fn latest(session: &SubjectSession) -> Result<Option<Discovery>, PipelineError> {
+    Ok(answers::present(session)?.map(|kept| kept.answer))
 }
 
 /// The last stored answer for an earlier model, if it was computed from the present results, with
 /// the keys of the effects that this model held.
-pub fn earlier(session: &SubjectSession) -> Option<(Discovery, Vec<String>)> {
-    answers::earlier(session).ok()?
+///
+/// # Errors
+/// As [`latest`].
+pub fn earlier(session: &SubjectSession) -> Result<Option<(Discovery, Vec<String>)>, PipelineError> {
+    answers::earlier(session)
 }
 
 /// Largest share of the error in contact that laws may leave of what the best effect of the
@@ -414,6 +420,7 @@ fn found(
     let prepared = bench.session.clone().with_stages(&by_stages);
     let mut found = rank(&prepared, &bench.effects, &bench.accepted, &options)
         .map_err(|e| PipelineError::request(e.to_string()))?;
+    let failed = std::mem::take(&mut found.failed);
     let laws: Vec<&FoundLaw> = found.open.iter().flat_map(|o| &o.laws).collect();
     let done = last.lock().unwrap_or_else(PoisonError::into_inner).take();
     // where the stages cannot compute it, the estimate of the ranking stands
@@ -425,7 +432,7 @@ fn found(
         None => promise(&found.found, &laws).map(|made| made.errors).unwrap_or_default(),
     };
     if let Some(c) = found.candidates.iter().find(|c| asks_session_time(&c.effect) && c.believed) {
-        let calendar = Calendar::of(session, &Workspace::open(&session.workspace));
+        let calendar = Calendar::of(session, &Workspace::open(&session.workspace))?;
         found.advice.push(format!("`{}` rests on the times of the session, from {}", c.effect, calendar.words));
     }
     let named = matches!(found.verdict, Verdict::Supported | Verdict::OneOf);
@@ -436,6 +443,7 @@ fn found(
     let by_laws =
         complete && at_floor("flight") && (at_floor("contact") || least_in_contact(&found, &errors, &errors_after));
     // an effect of gravity's size or direction is another name of what has to be corrected
+    // none: a law of the user's own is no name of gravity
     let shows = |id: &String| aloft_effects::effect(id).is_ok_and(|e| e.about().shows_in_free_fall);
     let of_gravity = found.effects.iter().any(shows);
     let to_correct = to_correct.filter(|c| c.void || !named || (c.first && of_gravity));
@@ -485,7 +493,8 @@ fn found(
     answer.question = asked;
     answer.errors_after = errors_after.into_iter().filter(|e| e.held_out_error.is_finite()).collect();
     // a part may be missing because of the machine: the next answer may be whole
-    let not_computed = not_computed.into_inner();
+    let mut not_computed = not_computed.into_inner();
+    not_computed.extend(failed.into_iter().map(|why| format!("a model that the ranking tried: {why}")));
     let not_stored = if not_computed.is_empty() { store(session, &answer, volume).err() } else { None };
     Ok(DiscoveryView {
         discovery: answer.answer,

@@ -253,6 +253,7 @@ pub fn add(
         next.confusable.extend(as_well.filter(|others| !others.is_empty()).map(|others| (key, others)));
         Ok(next)
     });
+    // none: the error itself is returned below
     if let (Err(_), Some(path)) = (&done, &written) {
         // a law that is not added leaves no file of its own; why it was not is the message
         aloft_workspace::disk::remove_file(path).ok();

@@ -232,7 +232,7 @@ fn is_training(session: &SubjectSession, stretch: &Stretch, contact: bool) -> bo
 
 /// The noise floor found by the stage `compare`.
 fn known_floor(made: &Made<'_>) -> Result<Option<NoiseFloor>, PipelineError> {
-    let Ok(place) = made.results.place("compare", WHOLE_STUDY) else { return Ok(None) };
+    let place = made.workspace.place("compare", WHOLE_STUDY);
     Ok(read_json_if_there::<Comparison>(&place.join("comparison.json"))?.and_then(|c| c.noise_floor))
 }
 
@@ -284,6 +284,7 @@ fn of_geometry(
     let base = BaseParameters::of(&subject.model);
     // the prior comes first: it always exists
     let mut candidates = vec![Candidate::links("prior", &base, &subject.prior_phi())];
+    // none: an estimator that fails has its reason in its row of the table
     candidates.extend(found.iter().filter_map(|f| f.as_ref().ok().map(|(_, c)| c.clone())));
     // take the noise floor from the pipeline's own comparison, so that it is the same number
     // everywhere
@@ -441,6 +442,7 @@ pub fn leave_one_out(session: &SubjectSession) -> Result<LeaveOneOutView, Pipeli
             .collect();
         let mut candidates = vec![Candidate::base("prior", prior)];
         for (name, result) in &found {
+            // none: a model that fails has its reason in its row of the table
             if let Ok((_, each, effects)) = result {
                 candidates.push(Candidate::per_trial(*name, each.clone()).with_effects(effects.clone()));
             }

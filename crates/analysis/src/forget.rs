@@ -66,9 +66,11 @@ pub fn forget(
     let _lock = if only_list { None } else { Some(Workspace::open(&workspace).lock(Duration::ZERO)?) };
     // a run of the subject by itself locks its own folder
     let mut sessions = Vec::new();
-    for session in places.iter().filter(|p| p.path != workspace).flat_map(|p| workspaces_below(&p.path)) {
-        if !only_list {
-            sessions.push(Workspace::open(&session).lock(Duration::ZERO)?);
+    for place in places.iter().filter(|p| p.path != workspace) {
+        for session in workspaces_below(&place.path)? {
+            if !only_list {
+                sessions.push(Workspace::open(&session).lock(Duration::ZERO)?);
+            }
         }
     }
     drop(sessions);
@@ -142,7 +144,8 @@ fn subjects_in(workspace: &Path) -> Result<Vec<String>, PipelineError> {
         let entry = entry.map_err(PipelineError::io("list", workspace))?;
         let name = entry.file_name().to_string_lossy().into_owned();
         let is_stage = STAGES.iter().any(|s| s.name == name);
-        if entry.path().is_dir() && !name.starts_with('.') && !is_stage && !workspaces_below(&entry.path()).is_empty() {
+        if entry.path().is_dir() && !name.starts_with('.') && !is_stage && !workspaces_below(&entry.path())?.is_empty()
+        {
             out.push(name);
         }
     }
@@ -151,15 +154,24 @@ fn subjects_in(workspace: &Path) -> Result<Vec<String>, PipelineError> {
 }
 
 /// Workspaces in a subject's folder: the folder itself, or those of its sessions.
-fn workspaces_below(folder: &Path) -> Vec<PathBuf> {
-    let own = std::iter::once(folder.to_path_buf());
-    let sessions = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|e| e.path());
-    own.chain(sessions).filter(|p| p.join(MARKER).is_file()).collect()
+///
+/// # Errors
+/// The folder cannot be listed: what stands in it would stay.
+fn workspaces_below(folder: &Path) -> Result<Vec<PathBuf>, PipelineError> {
+    let mut out = vec![folder.to_path_buf()];
+    if folder.is_dir() {
+        for entry in std::fs::read_dir(folder).map_err(PipelineError::io("list", folder))? {
+            out.push(entry.map_err(PipelineError::io("list", folder))?.path());
+        }
+    }
+    out.retain(|p| p.join(MARKER).is_file());
+    Ok(out)
 }
 
 fn size_of(path: &Path) -> (usize, u64) {
+    // none: only the size that is shown
     let files = walkdir::WalkDir::new(path).into_iter().flatten().filter(|e| e.file_type().is_file());
-    files.fold((0, 0), |(n, bytes), e| (n + 1, bytes + e.metadata().map_or(0, |m| m.len())))
+    files.fold((0, 0), |(n, bytes), e| (n + 1, bytes + e.metadata().ok().map_or(0, |m| m.len())))
 }
 
 /// Removes a file or folder; of the whole workspace, everything but what marks and locks it.

@@ -1,6 +1,6 @@
 //! `history`: the revisions of a model, and what each of them reached.
 
-use crate::compare::{ComparisonView, JudgedOn, compare};
+use crate::compare::{ComparisonView, JudgedOn, compare, compare_if_made};
 use crate::held_out::{HeldOutError, best_grades, weight_n};
 use crate::scene::{held, of_coefficients};
 use aloft_compare::{POOR_TIMES_FLOOR, significant};
@@ -168,13 +168,9 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
     let mut rows: Vec<HistoryRow> = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts, weight)).collect();
     if let Some(last) = rows.last_mut() {
         last.trials_changed = since_made.or(last.trials_changed.take());
-        last.held = held(session)
-            .unwrap_or_default()
-            .into_iter()
-            .map(|(name, value, unit)| HeldValue { name, value, unit })
-            .collect();
-        last.cautions.extend(without_others(session, &last.effects));
-        if let Some(c) = compare(session).ok().and_then(|view| view.to_correct) {
+        last.held = held(session)?.into_iter().map(|(name, value, unit)| HeldValue { name, value, unit }).collect();
+        last.cautions.extend(without_others(session, &last.effects)?);
+        if let Some(c) = compare_if_made(session)?.and_then(|view| view.to_correct) {
             let best = best_grades(true, Some(&c));
             last.errors = std::mem::take(&mut last.errors).into_iter().map(|e| e.at_best(&best)).collect();
             last.at_floor = last.at_floor.map(|at| at && !c.void);
@@ -185,17 +181,17 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
 
 /// What `discover` found beside an effect of the model and is not in the model: the values and
 /// intervals of the answer are those of a model with all of it.
-fn without_others(session: &SubjectSession, held: &[String]) -> Option<String> {
-    let (d, then) = crate::answers::earlier(session).ok()??;
+fn without_others(session: &SubjectSession, held: &[String]) -> Result<Option<String>, PipelineError> {
+    let Some((d, then)) = crate::answers::earlier(session)? else { return Ok(None) };
     let laws = d.open.iter().filter(|o| o.complete).flat_map(|o| &o.laws).map(|l| &l.id);
     let named: Vec<&String> = d.found.iter().map(|f| &f.key).chain(laws).filter(|k| !then.contains(k)).collect();
     let missing: Vec<String> = named.iter().filter(|k| !held.contains(k)).map(|k| format!("`{k}`")).collect();
-    (!missing.is_empty() && missing.len() < named.len()).then(|| {
+    Ok((!missing.is_empty() && missing.len() < named.len()).then(|| {
         format!(
             "these values and intervals are of a model without {}, which `discover` found as well; its own are of the model with all of them",
             missing.join(", ")
         )
-    })
+    }))
 }
 
 /// True if the comparison in a workspace was made with these effects and with the parameters stored
@@ -210,6 +206,7 @@ pub(crate) fn made_for(ws: &Workspace, effects: &[ModelEffect]) -> bool {
 
 fn acts_in(session: &SubjectSession, effect: &ModelEffect) -> ActsIn {
     let own = session.own_effects.iter().find(|o| o.spec.id == effect.id()).map(|o| o.spec.acts);
+    // none: a law that was deleted is in no list; it may act anywhere
     own.or_else(|| aloft_effects::effect(effect.id()).ok().map(|e| e.acts())).unwrap_or(ActsIn::Both)
 }
 
@@ -357,8 +354,8 @@ fn only_together(coefficients: &[ReachedCoefficient]) -> Option<String> {
 }
 
 /// [`HistoryRow::not_shown`] of the present model.
-pub(crate) fn not_shown(session: &SubjectSession) -> Option<String> {
-    not_shown_of(Revisions::load(&session.workspace).ok()?.revisions.last()?)
+pub(crate) fn not_shown(session: &SubjectSession) -> Result<Option<String>, PipelineError> {
+    Ok(Revisions::load(&session.workspace)?.revisions.last().and_then(not_shown_of))
 }
 
 fn not_shown_of(now: &Revision) -> Option<String> {

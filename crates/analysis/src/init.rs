@@ -214,9 +214,12 @@ fn layout(folder: &Path) -> Result<Layout, PipelineError> {
     for subject in &subjects {
         let inside: Vec<String> = std::fs::read_dir(subject)
             .map_err(PipelineError::io("list", subject))?
-            .filter_map(|e| e.ok().map(|e| e.path()))
+            .map(|e| e.map(|e| e.path()))
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(PipelineError::io("list", subject))?
+            .iter()
             .filter(|p| p.is_dir())
-            .map(|p| name(&p))
+            .map(name)
             .filter(|n| n.starts_with("ses-"))
             .collect();
         if inside.is_empty() {
@@ -411,7 +414,7 @@ fn write(
         line("object: two_link_chain   # how markers define the link frames".to_owned());
     }
     let of_session = opencap::beside(folder).filter(|_| layout.subjects.is_empty() && has_facts.is_none());
-    let stated = of_session.as_deref().map(opencap::read).filter(|s| s.mass_kg.is_some());
+    let stated = of_session.as_deref().map(opencap::read).transpose()?.filter(|s| s.mass_kg.is_some());
     match has_facts {
         _ if stated.is_some() => {
             let known = stated.as_ref().is_some_and(|s| s.sex.is_some());
@@ -567,6 +570,7 @@ fn data_path(folder: &Path, target: &Path) -> String {
     match absolute.strip_prefix(&base) {
         Ok(relative) if relative.as_os_str().is_empty() => ".".to_owned(),
         Ok(relative) => relative.to_string_lossy().into_owned(),
+        // none: a folder elsewhere has its whole path
         Err(_) => absolute.to_string_lossy().into_owned(),
     }
 }

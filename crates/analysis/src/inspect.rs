@@ -87,6 +87,7 @@ pub(crate) fn read_contents(name: &str, file: &Path) -> Result<(Trial, Option<C3
     }
     if !is("trc")
         && !aloft_study::recordings::is_bids(file)
+        // none: another format, whose reader names what is wrong
         && let Ok(c3d) = C3dFile::from_bytes(&bytes()?)
     {
         return Ok((Trial::contents_of_c3d(name, &c3d, &options).map_err(damaged)?, Some(c3d)));
@@ -177,6 +178,7 @@ fn residuals(trial: &Trial) -> Option<ResidualAnalysis> {
     let config = FilterConfig::default();
     let shape = LowPass { order: config.order, cutoff_hz: config.cutoff_hz, correction: CutoffCorrection::None };
     let cutoffs: Vec<f64> = CUTOFFS_HZ.iter().copied().filter(|f| *f <= 0.35 * rate).collect();
+    // none: at such a rate no cut-off can be chosen, and the table is left out
     residual_analysis(&slices, rate, shape, &cutoffs).ok().filter(|a| a.residual_rms.iter().any(|r| r.is_finite()))
 }
 

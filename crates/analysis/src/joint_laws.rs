@@ -10,9 +10,13 @@ use aloft_study::effects::KnownEffects;
 use aloft_study::revision::JointReached;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
+use std::sync::OnceLock;
 
-/// The torques as the search asks them.
-struct Torques<'a>(&'a JointTorques<'a>);
+/// The torques as the search asks them, and the first floor that could not be computed.
+struct Torques<'a> {
+    of: &'a JointTorques<'a>,
+    failed: OnceLock<StageFailure>,
+}
 
 impl JointSearch for Torques<'_> {
     fn folds(
@@ -21,11 +25,17 @@ impl JointSearch for Torques<'_> {
         model: &[EffectInstance<'_>],
         tried: &[EffectInstance<'_>],
     ) -> Option<Vec<ReducedFold>> {
-        self.0.folds(joint, model, tried)
+        self.of.folds(joint, model, tried)
     }
 
     fn floor(&self, joint: usize, model: &[EffectInstance<'_>]) -> Option<(f64, [f64; 2])> {
-        self.0.error(joint, model)?.floor
+        match self.of.error(joint, model) {
+            Ok(error) => error?.floor,
+            Err(why) => {
+                self.failed.get_or_init(|| why);
+                None
+            }
+        }
     }
 }
 
@@ -81,7 +91,7 @@ pub(crate) fn joint_laws(
         let inputs: Vec<JointInput> = torques
             .joints()
             .into_iter()
-            .zip(torques.errors(&model))
+            .zip(torques.errors(&model)?)
             .map(|((name, link, unit), error)| JointInput {
                 name,
                 link,
@@ -92,7 +102,9 @@ pub(crate) fn joint_laws(
                 floor: error.and_then(|e| e.floor).filter(|_| waits.is_none()),
             })
             .collect();
-        Ok(discover_joints(&torques.scene, &inputs, &model, &wanted, &Torques(torques), waits.as_deref(), options))
+        let search = Torques { of: torques, failed: OnceLock::new() };
+        let found = discover_joints(&torques.scene, &inputs, &model, &wanted, &search, waits.as_deref(), options);
+        search.failed.into_inner().map_or(Ok(found), Err)
     })
 }
 
@@ -102,7 +114,7 @@ pub(crate) fn joint_errors(session: &SubjectSession) -> Result<Vec<JointReached>
     let found = with_torques(session, |made, torques| {
         let known = KnownEffects::of(&session.own_effects, &torques.scene)?;
         let model = torques.laws(&known, &made.session.model_effects())?;
-        let each = torques.joints().into_iter().zip(torques.errors(&model));
+        let each = torques.joints().into_iter().zip(torques.errors(&model)?);
         let of =
             |((joint, _, unit), error): ((String, usize, &str), Option<aloft_pipeline::joint_torques::JointError>)| {
                 let error = error?;

@@ -26,6 +26,7 @@ mod joint_laws;
 mod kept;
 pub mod kinematics;
 mod laboratories;
+mod marker_noise;
 pub mod markerset;
 pub mod methods;
 mod methods_measured;

@@ -3,7 +3,7 @@
 
 use crate::compare::compare;
 use crate::history::history;
-use crate::parameters::parameters;
+use crate::parameters::parameters_if_made;
 use crate::wording::unit;
 use aloft_body::Subject;
 use aloft_flight::FlightReport;
@@ -132,7 +132,8 @@ fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> Re
     }
     t.push('.');
     let spec = low_pass(&session.config.filter);
-    let facts = rates.first().and_then(|r| spec.describe(*r as f64 / 1e3).ok());
+    let described = |r: &u64| spec.describe(*r as f64 / 1e3).map_err(|e| PipelineError::request(e.to_string()));
+    let facts = rates.first().map(described).transpose()?;
     let facts =
         facts.map(|f| format!("; effective order {}, −3 dB at {:.2} Hz", f.effective_order, f.true_minus3db_hz));
     t.push_str(&filtering(session, &facts.unwrap_or_default()));
@@ -157,7 +158,7 @@ fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> Re
 
 fn identification(session: &SubjectSession, ws: &Workspace) -> Result<String, PipelineError> {
     let mut t = String::new();
-    if let Ok(found) = parameters(session, None) {
+    if let Some(found) = parameters_if_made(session)? {
         let p = &found.parameters;
         t.push_str(&format!(
             " Base parameters ({}) were identified from {} in {} trials with {} rows ({} estimator), after Ayusawa, Venture and Nakamura (2010); \

@@ -1,15 +1,16 @@
 //! The one step that a study proposes next: every command and the report ask here, so that they
 //! propose the same.
 
-use crate::compare::ComparisonView;
-use crate::corrections::offers;
+use crate::compare::{ComparisonView, compare_if_made};
+use crate::corrections::{Offer, offers};
 use crate::discover::{earlier, latest};
 use crate::explanations::{Explanation, explanations, instead_of};
 use crate::history::not_shown;
-use crate::session_check::session_check;
+use crate::session_check::{SessionCheck, session_check};
 use aloft_discover::{Discovery, Verdict};
 use aloft_pipeline::made::as_made;
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::error::PipelineError;
 
 /// What to do next.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -20,8 +21,8 @@ pub enum NextStep {
     Correct {
         /// What to correct.
         what: String,
-        /// True if `aloft check` offers the correction.
-        offered: bool,
+        /// Where that begins.
+        begin: Begin,
     },
     /// Record what the sentence says; nothing can be asked of these recordings.
     Record(String),
@@ -48,6 +49,18 @@ pub enum NextStep {
     Use,
     /// The error is above its floor, and nothing explains it: see where it sits.
     Look,
+}
+
+/// Where a correction begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Begin {
+    /// `aloft check` offers it.
+    Check,
+    /// The report shows what it is about, by recording and marker; the pipeline or the recordings
+    /// have to change before another run.
+    Report,
+    /// The sentence names the setting.
+    Setting,
 }
 
 /// Why an effect is proposed.
@@ -82,34 +95,64 @@ pub fn is_above(view: &ComparisonView) -> bool {
 }
 
 /// The next step for results that are `current`, or are not.
-pub fn next_step(session: &SubjectSession, view: &ComparisonView, current: bool) -> NextStep {
+///
+/// # Errors
+/// A stored answer, the model or a result is damaged or cannot be read.
+pub fn next_step(session: &SubjectSession, view: &ComparisonView, current: bool) -> Result<NextStep, PipelineError> {
     if !current {
-        return NextStep::Run;
+        return Ok(NextStep::Run);
     }
     if !view.limits.is_empty() {
-        return NextStep::Record("record markers on the whole body, and jumps, to identify masses".to_owned());
+        return Ok(NextStep::Record("record markers on the whole body, and jumps, to identify masses".to_owned()));
     }
     let held: Vec<&str> = session.effects.iter().map(|e| e.key.as_str()).collect();
-    let present = latest(session);
-    let before = if present.is_none() { earlier(session) } else { None };
-    let not_shown = not_shown(session);
-    let explanations = rivals(session, present.as_ref());
+    let present = latest(session)?;
+    let before = if present.is_none() { earlier(session)? } else { None };
+    let not_shown = not_shown(session)?;
+    let explanations = rivals(session, present.as_ref())?;
     let answers = Answers {
         present: present.as_ref(),
         earlier: before.as_ref().map(|(d, keys)| (d, &keys[..])),
         not_shown: not_shown.as_deref(),
         explanations: &explanations,
     };
-    step(view, answers, &held)
+    Ok(step(view, answers, &held))
+}
+
+/// The next step of a study that may not have been compared yet: then it is a run.
+///
+/// # Errors
+/// Those of [`next_step`], and a comparison that is damaged.
+pub fn next_step_of(session: &SubjectSession, current: bool) -> Result<NextStep, PipelineError> {
+    if !current {
+        return Ok(NextStep::Run);
+    }
+    compare_if_made(session)?.map_or(Ok(NextStep::Run), |view| next_step(session, &view, current))
 }
 
 /// What explains measurements that differ from what was stated, corrections among it; nothing
 /// unless the answer cannot tell an effect from others, of which a correction may be one.
-pub fn rivals(session: &SubjectSession, answer: Option<&Discovery>) -> Vec<Explanation> {
-    let Some(d) = answer.filter(|d| d.verdict == Verdict::OneOf) else { return Vec::new() };
+///
+/// # Errors
+/// A result is there and cannot be read.
+pub fn rivals(session: &SubjectSession, answer: Option<&Discovery>) -> Result<Vec<Explanation>, PipelineError> {
+    if answer.is_none_or(|d| d.verdict != Verdict::OneOf) {
+        return Ok(Vec::new());
+    }
     let made = as_made(session);
-    let checked = session_check(&made);
-    explanations(&made, &checked, &offers(&made, &checked), Some(d))
+    let checked = session_check(&made)?;
+    Ok(rivals_of(&made, answer, &checked, &offers(&made, &checked)?))
+}
+
+/// The same for a session as its results were made, with its measurements and what they offer.
+pub fn rivals_of(
+    made: &SubjectSession,
+    answer: Option<&Discovery>,
+    checked: &SessionCheck,
+    offers: &[Offer],
+) -> Vec<Explanation> {
+    let Some(d) = answer.filter(|d| d.verdict == Verdict::OneOf) else { return Vec::new() };
+    explanations(made, checked, offers, Some(d))
 }
 
 /// The first effect or law that an answer names and the model does not hold. What is not shown to
@@ -155,11 +198,12 @@ pub fn step(view: &ComparisonView, answers: Answers<'_>, held: &[&str]) -> NextS
         None => known.filter(|c| c.void || c.first).map(|c| c.words.clone()),
     };
     if let Some(what) = what {
-        return NextStep::Correct { what, offered: known.is_some_and(|c| c.offered) };
+        let begin = if known.is_some_and(|c| c.offered) { Begin::Check } else { Begin::Report };
+        return NextStep::Correct { what, begin };
     }
     let record = view.parameters.to_do.clone();
     if let (true, Some(prior)) = (view.parameters.held_by_prior, &record) {
-        return NextStep::Correct { what: prior.clone(), offered: false };
+        return NextStep::Correct { what: prior.clone(), begin: Begin::Setting };
     }
     if let Some(key) = answers.not_shown {
         return NextStep::Remove { key: key.to_owned() };
@@ -183,7 +227,7 @@ pub fn step(view: &ComparisonView, answers: Answers<'_>, held: &[&str]) -> NextS
                         "the correction `{}` explains the same as `{key}`: `aloft check` lists both, the likelier first",
                         correction.key
                     ),
-                    offered: true,
+                    begin: Begin::Check,
                 },
                 None => NextStep::Add { key, because: Because::OneOf },
             };

@@ -120,6 +120,7 @@ impl Recording<'_> {
     pub fn done(self) -> Result<(), PipelineError> {
         let path = self.folder.join(LIST);
         // a damaged list is made again
+        // none: a damaged list is made again
         let mut list: List = seal::read_if_there(&path).ok().flatten().unwrap_or_default();
         for (name, from) in self.names.iter().zip(self.from) {
             let bytes = disk::read(&self.folder.join(name))?;
@@ -145,6 +146,7 @@ pub fn not_current(folder: &Path, sessions: &[&SubjectSession], look: Look) -> R
         return Ok(Vec::new());
     }
     // without the list, or with a damaged one, nothing is known of the files
+    // none: files of which nothing is known are stale
     let list: List = seal::read_if_there(&folder.join(LIST)).ok().flatten().unwrap_or_default();
     let mut out = Vec::new();
     for (name, command) in there {

@@ -9,6 +9,7 @@ use aloft_pipeline::stages::identify::NOTHING_IDENTIFIED;
 use aloft_study::commands::command;
 use aloft_study::config::Rows;
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::disk::is_there;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json;
 use aloft_workspace::manifest::WHOLE_STUDY;
@@ -34,6 +35,16 @@ pub struct ParametersView {
 
 /// Stages whose results the parameters are read from.
 pub const READS: [&str; 2] = ["identify", "calibrate"];
+
+/// Reads the results of `identify`; none if nothing was identified.
+///
+/// # Errors
+/// They are there and cannot be read.
+pub fn parameters_if_made(session: &SubjectSession) -> Result<Option<ParametersView>, PipelineError> {
+    let rows = aloft_pipeline::made::as_made(session).config.regressor.rows;
+    let place = Workspace::open(&session.workspace).place("identify", WHOLE_STUDY);
+    if is_there(&place.join(parameters_file(rows)))? { parameters(session, Some(rows)).map(Some) } else { Ok(None) }
+}
 
 /// Reads the results of `identify`.
 pub fn parameters(session: &SubjectSession, rows: Option<Rows>) -> Result<ParametersView, PipelineError> {

@@ -20,6 +20,7 @@ pub(crate) fn question(session: &SubjectSession, options: &DiscoverOptions) -> O
     let results = results_hash(&Workspace::open(&session.workspace), results);
     // The model with what its columns are computed from: the way to it is no part of the question,
     // so that a model that comes back has its answer. Sizes of files are read when first asked for.
+    // none: without a question the answer is computed, which names what is wrong
     let asked = SubjectSession { sizes: FileSizes::default(), ..with_reference(session).ok()? };
     let mut hasher = blake3::Hasher::new();
     hasher.update(program()?.as_bytes()).update(results.as_bytes());
@@ -32,6 +33,7 @@ fn program() -> Option<blake3::Hash> {
     static PROGRAM: OnceLock<Option<blake3::Hash>> = OnceLock::new();
     let read = || {
         let mut hasher = blake3::Hasher::new();
+        // none: as above
         hasher.update_reader(File::open(std::env::current_exe().ok()?).ok()?).ok()?;
         Some(hasher.finalize())
     };

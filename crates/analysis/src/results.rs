@@ -29,8 +29,11 @@ pub(crate) struct Made<'a> {
 impl Made<'_> {
     /// Times of the session's recordings.
     pub fn calendar(&self) -> Result<Arc<Calendar>, StageFailure> {
-        let read = || Arc::new(Calendar::of(self.session, self.workspace));
-        Ok(Arc::clone(self.calendar.get_or_init(read)))
+        if let Some(known) = self.calendar.get() {
+            return Ok(Arc::clone(known));
+        }
+        let read = Arc::new(Calendar::of(self.session, self.workspace)?);
+        Ok(Arc::clone(self.calendar.get_or_init(|| read)))
     }
 
     /// Names of the trials with rows that are used for identification.

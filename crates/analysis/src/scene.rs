@@ -5,6 +5,8 @@ use aloft_body::Subject;
 use aloft_effects::Scene;
 use aloft_study::effects::KnownEffects;
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::artifact::plate_centres;
+use aloft_workspace::disk::is_there;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json;
 use aloft_workspace::manifest::WHOLE_STUDY;
@@ -17,7 +19,10 @@ pub(crate) fn scene(session: &SubjectSession) -> Result<Scene, PipelineError> {
     let subject: Subject = read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json"))?;
     let mut centres = Vec::new();
     for t in session.included() {
-        let plates = aloft_workspace::artifact::plate_centres(&ws.place("import", &t.name)).unwrap_or_default();
+        let place = ws.place("import", &t.name);
+        // a recording that was not imported, and a robot's log, have no plates
+        let made = is_there(&place.join("trial.json"))?;
+        let plates = if made { plate_centres(&place)? } else { Vec::new() };
         if !plates.is_empty() {
             centres = plates;
             break;
@@ -42,10 +47,11 @@ pub(crate) fn of_coefficients(session: &SubjectSession) -> Result<BTreeMap<Strin
 }
 
 /// Places, lengths and other nonlinear unknowns that the effects of a model hold at the values that
-/// the model states: name in the parameters, value and unit.
+/// the model states: name in the parameters, value and unit; nothing before a body was calibrated.
 pub(crate) fn held(session: &SubjectSession) -> Result<Vec<(String, f64, String)>, PipelineError> {
     let with: Vec<_> = session.effects.iter().filter(|e| !e.is_of_joints() && !e.nonlinear.is_empty()).collect();
-    if with.is_empty() {
+    let subject = Workspace::open(&session.workspace).place("calibrate", WHOLE_STUDY).join("subject.json");
+    if with.is_empty() || !is_there(&subject)? {
         return Ok(Vec::new());
     }
     let scene = scene(session)?;

@@ -10,6 +10,7 @@ mod lines;
 pub use lines::{LineStatus, SessionCheck, SessionLine};
 
 use crate::impulse_mass::mass_by_impulse;
+use crate::marker_noise::white_noise_mm;
 use crate::persons::{persons, several_persons};
 use crate::repeated::{repeated, repeated_words};
 use crate::to_correct::static_labels;
@@ -19,7 +20,9 @@ use aloft_ik::{IkReport, LabelExchange};
 use aloft_signal::mean_and_deviation;
 use aloft_study::subject_session::{Role, SubjectSession};
 use aloft_workspace::artifact::{load_markers, load_trial_without_points};
-use aloft_workspace::json::read_json;
+use aloft_workspace::disk::is_there;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::workspace::Workspace;
 use serde::de::DeserializeOwned;
 
@@ -44,33 +47,44 @@ struct Source<'a> {
 }
 
 impl Source<'_> {
-    fn read<T: DeserializeOwned>(&self, stage: &str, trial: &str, file: &str) -> Option<T> {
-        self.ws.manifest(stage, trial).filter(|m| m.is_ok())?;
-        read_json(&self.ws.place(stage, trial).join(file)).ok()
+    /// True for a result that was made and is no failure.
+    fn has(&self, stage: &str, trial: &str) -> Result<bool, PipelineError> {
+        Ok(self.ws.manifest_if_there(stage, trial)?.is_some_and(|m| m.is_ok()))
+    }
+    /// True for an imported recording; logs of robots have none.
+    fn has_recording(&self, trial: &str) -> Result<bool, PipelineError> {
+        Ok(self.has("import", trial)? && is_there(&self.ws.place("import", trial).join("trial.json"))?)
     }
     /// A file of every dynamic trial that has it.
-    fn each<T: DeserializeOwned>(&self, stage: &str, file: &str) -> Vec<(String, T)> {
-        self.session
-            .included()
-            .filter(|t| t.role.is_dynamic())
-            .filter_map(|t| Some((t.name.clone(), self.read(stage, &t.name, file)?)))
-            .collect()
+    fn each<T: DeserializeOwned>(&self, stage: &str, file: &str) -> Result<Vec<(String, T)>, PipelineError> {
+        let mut out = Vec::new();
+        for t in self.session.included().filter(|t| t.role.is_dynamic()) {
+            if self.has(stage, &t.name)?
+                && let Some(value) = read_json_if_there(&self.ws.place(stage, &t.name).join(file))?
+            {
+                out.push((t.name.clone(), value));
+            }
+        }
+        Ok(out)
     }
 }
 
 /// Collects the check from the results in the session's workspace.
-pub fn session_check(session: &SubjectSession) -> SessionCheck {
+///
+/// # Errors
+/// A result is there and cannot be read: its line would be missing without a word.
+pub fn session_check(session: &SubjectSession) -> Result<SessionCheck, PipelineError> {
     let source = Source { session, ws: Workspace::open(&session.workspace) };
     let mut lines = Vec::new();
     lines.extend(persons_line(session));
-    lines.extend(repeated_line(session));
-    timing(&source, &mut lines);
-    weights(&source, &mut lines);
-    tares(&source, &mut lines);
-    free_fall(&source, &mut lines);
-    contact(&source, &mut lines);
-    markers(&source, &mut lines);
-    SessionCheck { lines }
+    lines.extend(repeated_line(session)?);
+    timing(&source, &mut lines)?;
+    weights(&source, &mut lines)?;
+    tares(&source, &mut lines)?;
+    free_fall(&source, &mut lines)?;
+    contact(&source, &mut lines)?;
+    markers(&source, &mut lines)?;
+    Ok(SessionCheck { lines })
 }
 
 fn persons_line(session: &SubjectSession) -> Option<SessionLine> {
@@ -88,10 +102,9 @@ fn persons_line(session: &SubjectSession) -> Option<SessionLine> {
     })
 }
 
-fn repeated_line(session: &SubjectSession) -> Option<SessionLine> {
-    // an import that cannot be read is damaged, and said to be
-    let pairs = repeated(session).ok()?;
-    Some(SessionLine {
+fn repeated_line(session: &SubjectSession) -> Result<Option<SessionLine>, PipelineError> {
+    let pairs = repeated(session)?;
+    let line = |words| SessionLine {
         id: "repeated",
         what: "recordings that repeat another one".to_owned(),
         value: pairs.len() as f64,
@@ -100,15 +113,16 @@ fn repeated_line(session: &SubjectSession) -> Option<SessionLine> {
         expected: Some(0.0),
         n: pairs.len(),
         status: LineStatus::Differs,
-        words: repeated_words(&pairs)?,
-    })
+        words,
+    };
+    Ok(repeated_words(&pairs).map(line))
 }
 
-fn timing(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
+fn timing(source: &Source<'_>, lines: &mut Vec<SessionLine>) -> Result<(), PipelineError> {
     let delays: Vec<PlateDelay> =
-        source.each::<Vec<PlateDelay>>("flight", "plate_delay.json").into_iter().flat_map(|d| d.1).collect();
+        source.each::<Vec<PlateDelay>>("flight", "plate_delay.json")?.into_iter().flat_map(|d| d.1).collect();
     let values: Vec<f64> = delays.iter().map(|d| 1e3 * d.delay_s).collect();
-    let Some((value, se, n)) = mean(&values) else { return };
+    let Some((value, se, n)) = mean(&values) else { return Ok(()) };
     let common = 1e3 * delays.iter().map(|d| d.posture_s).sum::<f64>() / n as f64;
     let own = 1e3 * delays.iter().map(|d| d.scatter_s.powi(2)).sum::<f64>().sqrt() / n as f64;
     let scatter = if n > 1 { half95(se, (n - 1) as f64) } else { half95(own, f64::INFINITY) };
@@ -127,17 +141,18 @@ fn timing(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     };
     let what = "plates against cameras in time".to_owned();
     lines.push(SessionLine { id: "plate_delay", what, value, unit: "ms", ci95, expected: Some(0.0), n, status, words });
+    Ok(())
 }
 
 /// Share of the body mass by which a reading without an interval has to be off to differ.
 const FAR: f64 = 0.1;
 
-fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
+fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) -> Result<(), PipelineError> {
     let facts = &source.session.facts;
     let stated = facts.person.mass_kg;
     let g = facts.gravity_mps2;
     let masses: Vec<f64> = source
-        .each::<Vec<ImpulseMass>>("flight", "impulse_mass.json")
+        .each::<Vec<ImpulseMass>>("flight", "impulse_mass.json")?
         .into_iter()
         .flat_map(|m| m.1)
         .map(|m| m.mass_kg)
@@ -171,7 +186,10 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
     }
     let statics = source.session.included().filter(|t| t.role == Role::Static);
     for t in statics {
-        let Ok(trial) = load_trial_without_points(&source.ws.place("import", &t.name)) else { continue };
+        if !source.has_recording(&t.name)? {
+            continue;
+        }
+        let trial = load_trial_without_points(&source.ws.place("import", &t.name))?;
         if trial.plates.is_empty() {
             continue;
         }
@@ -220,10 +238,11 @@ fn weights(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             words,
         });
     }
+    Ok(())
 }
 
-fn tares(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
-    let all: Vec<(String, Vec<PlateTare>)> = source.each("flight", "tare.json");
+fn tares(source: &Source<'_>, lines: &mut Vec<SessionLine>) -> Result<(), PipelineError> {
+    let all: Vec<(String, Vec<PlateTare>)> = source.each("flight", "tare.json")?;
     let mut names: Vec<String> = Vec::new();
     for t in all.iter().flat_map(|(_, tares)| tares) {
         if !names.contains(&t.plate) {
@@ -283,13 +302,14 @@ fn tares(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             words,
         });
     }
+    Ok(())
 }
 
-fn free_fall(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
-    let reports: Vec<(String, FlightReport)> = source.each("flight", "flights.json");
+fn free_fall(source: &Source<'_>, lines: &mut Vec<SessionLine>) -> Result<(), PipelineError> {
+    let reports: Vec<(String, FlightReport)> = source.each("flight", "flights.json")?;
     let falls: Vec<_> = reports.into_iter().filter_map(|(_, r)| r.free_fall).collect();
     let ratios: Vec<f64> = falls.iter().filter_map(|f| f.ratio).collect();
-    let Some((value, se, n)) = mean(&ratios) else { return };
+    let Some((value, se, n)) = mean(&ratios) else { return Ok(()) };
     // one percent is common to all flights of a person (masses of a table, soft tissue)
     let common = if source.session.object.is_some() { 0.003 } else { 0.01 };
     let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite()).unwrap_or(0.0);
@@ -334,13 +354,14 @@ fn free_fall(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             words: "angle between the stated vertical and the mean fall".to_owned(),
         });
     }
+    Ok(())
 }
 
-fn contact(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
-    let all: Vec<(String, Coverage)> = source.each("flight", "coverage.json");
+fn contact(source: &Source<'_>, lines: &mut Vec<SessionLine>) -> Result<(), PipelineError> {
+    let all: Vec<(String, Coverage)> = source.each("flight", "coverage.json")?;
     let with: Vec<&Coverage> = all.iter().map(|c| &c.1).filter(|c| c.complete_s() + c.lost_s() > 0.0).collect();
     if with.is_empty() {
-        return;
+        return Ok(());
     }
     let (kept, lost): (f64, f64) = with.iter().fold((0.0, 0.0), |s, c| (s.0 + c.complete_s(), s.1 + c.lost_s()));
     let why: Vec<String> =
@@ -366,16 +387,14 @@ fn contact(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         status: LineStatus::Reading,
         words,
     });
+    Ok(())
 }
 
-/// Root mean square of the sum of squared binomial coefficients of a fourth difference.
-const FOURTH_DIFFERENCE: f64 = 70.0;
-
-fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
-    let exchanges: Vec<(String, Vec<LabelExchange>)> = source.each("ik", "labels.json");
-    let reports: Vec<(String, IkReport)> = source.each("ik", "report.json");
+fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) -> Result<(), PipelineError> {
+    let exchanges: Vec<(String, Vec<LabelExchange>)> = source.each("ik", "labels.json")?;
+    let reports: Vec<(String, IkReport)> = source.each("ik", "report.json")?;
     if reports.is_empty() {
-        return;
+        return Ok(());
     }
     let n: usize = exchanges.iter().map(|e| e.1.len()).sum();
     let words = if n == 0 {
@@ -388,7 +407,7 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         };
         format!("exchanged back: {}", exchanges.iter().map(of).collect::<Vec<_>>().join("; "))
     };
-    let in_static = static_labels(&source.ws).ok().flatten();
+    let in_static = static_labels(&source.ws)?;
     let words = [in_static.clone(), Some(words).filter(|_| n > 0 || in_static.is_none())];
     let words = words.into_iter().flatten().collect::<Vec<_>>().join("; ");
     let agrees = n == 0 && in_static.is_none();
@@ -403,13 +422,12 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
         status: if agrees { LineStatus::Agrees } else { LineStatus::Differs },
         words,
     });
-    let noise: Vec<f64> = source
-        .session
-        .included()
-        .filter(|t| t.role.is_dynamic())
-        .filter_map(|t| load_markers(&source.ws.place("import", &t.name)).ok())
-        .filter_map(|trial| white_noise_mm(&trial.markers))
-        .collect();
+    let mut noise: Vec<f64> = Vec::new();
+    for t in source.session.included().filter(|t| t.role.is_dynamic()) {
+        if source.has_recording(&t.name)? {
+            noise.extend(white_noise_mm(&load_markers(&source.ws.place("import", &t.name))?.markers));
+        }
+    }
     if let Some((value, se, n)) = mean(&noise) {
         let half = half95(se, n.saturating_sub(1) as f64).filter(|h| h.is_finite());
         lines.push(SessionLine {
@@ -449,27 +467,7 @@ fn markers(source: &Source<'_>, lines: &mut Vec<SessionLine>) {
             words: format!("worst: {}", worst.join(", ")),
         });
     }
-}
-
-/// White noise of one coordinate, mm: median over markers and axes of the median absolute fourth
-/// difference.
-fn white_noise_mm(markers: &aloft_trial::Markers) -> Option<f64> {
-    let mut each = Vec::new();
-    for track in &markers.trajectories {
-        for axis in 0..3 {
-            let mut steps: Vec<f64> = track
-                .windows(5)
-                .map(|w| (w[0][axis] - 4.0 * w[1][axis] + 6.0 * w[2][axis] - 4.0 * w[3][axis] + w[4][axis]).abs())
-                .filter(|d| d.is_finite())
-                .collect();
-            if steps.len() > 20
-                && let Some(median) = aloft_signal::upper_median(&mut steps)
-            {
-                each.push(1e3 * median / 0.674_489_750_196_081_7 / FOURTH_DIFFERENCE.sqrt());
-            }
-        }
-    }
-    aloft_signal::upper_median(&mut each)
+    Ok(())
 }
 
 impl SessionLine {

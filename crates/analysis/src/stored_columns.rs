@@ -98,10 +98,12 @@ pub(crate) fn save(folder: &Path, made_from: &str, rows: &TrialColumns) -> Resul
 
 /// The stored rows of a trial, if they were made from the same and are undamaged.
 pub(crate) fn load(folder: &Path, trial: &str, made_from: &str) -> Option<TrialColumns> {
+    // none: columns that cannot be read are formed again
     let head: Head = seal::read(&folder.join("columns.json")).ok()?;
     if head.made_from != made_from {
         return None;
     }
+    // none: as above
     let values = Table::read(&folder.join("columns.parquet")).ok()?.into_columns().into_iter().next()?.1;
     if hash(&values) != head.values {
         return None;
@@ -121,6 +123,7 @@ pub(crate) fn load(folder: &Path, trial: &str, made_from: &str) -> Option<TrialC
             first_frame: 0,
             end_frame: 0,
         };
+        // none: as above
         factors.push(Factor::from_values(&stretch, f.rows, f.columns, f.n_rows, take(f.n_values)?.to_vec()).ok()?);
     }
     let windows = match head.windows {

@@ -218,7 +218,7 @@ pub fn rows_of(session: &SubjectSession, words: &str) -> Result<Vec<SummaryRow>,
                 row.message = Some(reason.clone());
                 return Ok(row);
             }
-            figures(&mut row, &made, trial, &manifests);
+            figures(&mut row, &made, trial, &manifests)?;
             let is = |word: &str| cells.cells.iter().any(|c| c == word);
             let own = STAGES.iter().find_map(|s| match manifests.get(s.name, &trial.name).map(|m| &m.outcome) {
                 Some(Outcome::Failed(f)) if is("failed") => Some((s.name, f)),
@@ -258,7 +258,15 @@ fn count(m: Option<&Manifest>, key: &str) -> Option<u64> {
 }
 
 /// Values of one trial and the reasons that follow from them.
-fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, manifests: &Manifests) {
+///
+/// # Errors
+/// The reasons in a manifest cannot be read: the recording would seem to have none.
+fn figures(
+    row: &mut SummaryRow,
+    session: &SubjectSession,
+    trial: &TrialEntry,
+    manifests: &Manifests,
+) -> Result<(), PipelineError> {
     // results of stages after a failed one are of an earlier recording or setting
     let position = |name: &str| STAGES.iter().position(|s| s.name == name);
     let failed = STAGES
@@ -274,8 +282,13 @@ fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, m
     row.missing_markers = count(import, "missing_markers");
     row.gaps = count(import, "gaps");
     row.longest_gap_s = number(import, "longest_gap_s");
-    for list in [import, own("ik"), own("flight")].into_iter().flatten().filter_map(|m| m.summary.get("qc")) {
-        row.reasons.extend(serde_json::from_value::<Vec<QcReason>>(list.clone()).unwrap_or_default());
+    for m in [import, own("ik"), own("flight")].into_iter().flatten() {
+        let Some(list) = m.summary.get("qc") else { continue };
+        let reasons: Vec<QcReason> = serde_json::from_value(list.clone()).map_err(|e| {
+            let problem = format!("`{}` of {}: its reasons cannot be read: {e}", m.stage, m.trial);
+            PipelineError::request_hint(problem, "another version made this result; `aloft run` makes it again")
+        })?;
+        row.reasons.extend(reasons);
     }
     row.scaling_error_mm = number(once("scale"), "scaling_error_mm");
     if trial.role == Role::Static && row.scaling_error_mm.is_some_and(|e| e > limits::SCALING_MM) {
@@ -291,7 +304,7 @@ fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, m
         row.reasons.push(QcReason::UnsolvedFrames);
     }
     if !trial.role.is_dynamic() {
-        return;
+        return Ok(());
     }
     let flight = own("flight");
     row.flights = count(flight, "flights");
@@ -332,6 +345,7 @@ fn figures(row: &mut SummaryRow, session: &SubjectSession, trial: &TrialEntry, m
     if remarks {
         row.reasons.push(QcReason::Remarks);
     }
+    Ok(())
 }
 
 impl Summary {

@@ -171,7 +171,7 @@ impl Switches {
             })
             .collect();
         let keys: Vec<String> = self.switches()[..n].iter().map(|s| s.key.clone()).collect();
-        let known = self.known(&keys);
+        let known = self.known(&keys)?;
         let base = self.parameters.base.iter().map(|b| (b.name.clone(), b.unit.clone()));
         Ok(Some(SwitchKernel {
             switches: self.switches()[..n].to_vec(),
@@ -193,9 +193,8 @@ impl Switches {
     }
 
     /// Models that the rows of the kernel do not give, because they use contact otherwise: the
-    /// present model with one switch flipped, and with all that the discovery found. One that
-    /// cannot be computed is left out.
-    fn known(&self, keys: &[String]) -> Vec<Switched> {
+    /// present model with one switch flipped, and with all that the discovery found.
+    fn known(&self, keys: &[String]) -> Result<Vec<Switched>, StageFailure> {
         let flipped = keys.iter().map(|key| {
             let others = self.present.iter().filter(|k| *k != key).cloned();
             let added = Some(key.clone()).filter(|k| !self.present.contains(k));
@@ -204,11 +203,11 @@ impl Switches {
         let found = keys.iter().filter(|k| self.present.contains(k) || self.found.contains(k)).cloned().collect();
         let mut choices: Vec<Vec<String>> = Vec::new();
         for choice in flipped.chain(std::iter::once(found)) {
-            if !choices.contains(&choice) && self.changes_contact(&choice).is_ok_and(|changes| changes) {
+            if !choices.contains(&choice) && self.changes_contact(&choice)? {
                 choices.push(choice);
             }
         }
-        choices.iter().filter_map(|choice| self.model(choice, &LeftOut::default()).ok()).collect()
+        choices.iter().map(|choice| Ok(self.model(choice, &LeftOut::default())?)).collect()
     }
 
     /// Windows of one kind in the coordinates of rotated rows, as a triangle where that is shorter.

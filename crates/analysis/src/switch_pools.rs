@@ -50,6 +50,7 @@ pub(crate) struct Pool {
 
 impl Pool {
     fn of(merged: Merged, predicting: &Predicting, weight: Option<f64>, names: &[&str]) -> Self {
+        // none: the merged rows are solved instead, and name what fails
         let rotated = merged.with_effects(names, weight).ok().and_then(|all| predicting.rotated(&all).ok().flatten());
         let places = names.iter().enumerate().map(|(i, n)| ((*n).to_owned(), i)).collect();
         Self { merged, rotated, places }
@@ -58,6 +59,7 @@ impl Pool {
     /// The estimate with these columns from rotated rows; none where they cannot give it.
     pub fn estimate(&self, names: &[&str]) -> Option<PointEstimate> {
         let chosen = names.iter().map(|n| self.places.get(*n).copied()).collect::<Option<Vec<usize>>>()?;
+        // none: as for the pool
         let found = self.rotated.as_ref()?.estimate(&chosen).ok()?;
         let named = names.iter().map(|n| (*n).to_owned()).zip(found.effects.iter().copied());
         Some((found.parameters, named.collect()))

@@ -6,12 +6,15 @@
 
 use crate::impulse_mass::ImpulseMassView;
 use crate::kinematics::KinematicsRow;
+use crate::marker_noise::white_noise_mm;
 use crate::plates_follow::plates_follow;
 use aloft_compare::{Comparison, GroupedBy, TrialComparison, significant};
 use aloft_flight::FlightReport;
 use aloft_scale::{ScaleReport, ScaleWarning};
 use aloft_signal::median;
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::artifact::load_markers;
+use aloft_workspace::disk::is_there;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
@@ -70,6 +73,12 @@ pub(crate) fn to_correct(
         return Ok(Some(found));
     }
     if let Some(found) = of_static(ws)? {
+        return Ok(Some(found));
+    }
+    if session.object.is_some()
+        && let Some(floor_n) = loud_floor(comparison, weight_n)
+        && let Some(found) = of_misfit(&misfits(ws, rows)?, floor_n)
+    {
         return Ok(Some(found));
     }
     if let Some(found) = of_floors(&floors(comparison), weight_n) {
@@ -151,6 +160,65 @@ fn markers(comparison: &Comparison, rows: &[KinematicsRow], weight_n: f64) -> Op
 /// 9 to 16 %.
 pub(crate) const LOUD: f64 = 0.05;
 
+/// Floor in flight as a share of the weight from which markers that do not fit an object count:
+/// white noise of up to 1 mm on simulated chains leaves less than 0.6 %.
+const FLOOR_OF_OBJECT: f64 = 0.01;
+/// Error of the markers on an object over what their white noise leaves, from which it is no noise:
+/// the noise is then at most a ninth of its mean square. On simulated chains with nothing wrong it
+/// is 0.86, with a marker put back 12 mm elsewhere 3.0, with an elastic hinge 18.
+const MISFIT: f64 = 3.0;
+
+/// The floor in flight, N, where it is no noise of cameras.
+fn loud_floor(comparison: &Comparison, weight_n: f64) -> Option<f64> {
+    let floor = comparison.against_floor.iter().find(|a| a.judged_on == "flight")?.floor?.noise_floor;
+    (floor > FLOOR_OF_OBJECT * weight_n).then_some(floor)
+}
+
+/// How far the markers of a recording lie off the model, and what their white noise leaves, mm.
+struct Misfit {
+    rms_mm: f64,
+    noise_mm: f64,
+}
+
+fn misfits(ws: &Workspace, rows: &[KinematicsRow]) -> Result<Vec<Misfit>, PipelineError> {
+    let mut all = Vec::new();
+    for row in rows {
+        let place = ws.place("import", &row.trial);
+        let Some(rms_mm) = row.marker_rms_mm else { continue };
+        if !is_there(&place.join("trial.json"))? {
+            continue;
+        }
+        // the error is a distance, the noise that of one axis
+        let noise_mm = white_noise_mm(&load_markers(&place)?.markers).map(|axis| 3f64.sqrt() * axis);
+        all.extend(noise_mm.filter(|n| *n > 0.0).map(|noise_mm| Misfit { rms_mm, noise_mm }));
+    }
+    Ok(all)
+}
+
+/// An object whose markers lie so far off the model that the model cannot move as the object does.
+/// The floor is drawn from these distances, so that it holds the model's own error.
+fn of_misfit(all: &[Misfit], floor_n: f64) -> Option<ToCorrect> {
+    let middle = |of: &dyn Fn(&Misfit) -> f64| median(&mut all.iter().map(of).collect::<Vec<f64>>());
+    if all.is_empty() {
+        return None;
+    }
+    let (rms_mm, noise_mm) = (middle(&|m| m.rms_mm), middle(&|m| m.noise_mm));
+    let times = rms_mm / noise_mm;
+    (times > MISFIT).then(|| ToCorrect {
+        words: format!(
+            "check the joints and link frames (object description, calibration trial, markers put back elsewhere): the markers lie {} mm off \
+             the model, {} times what their noise leaves, so the model cannot move as the object does; the floor of {} N holds that error, \
+             and nothing is judged by it",
+            significant(rms_mm, 2),
+            significant(times, 2),
+            significant(floor_n, 3)
+        ),
+        first: true,
+        void: true,
+        offered: false,
+    })
+}
+
 /// Floor of a recording over that of the session's others of the same kind from which it is spoilt:
 /// what its own markers leave is then most of the session's floor, and hides as much in all others.
 const FLOOR_OF_OTHERS: f64 = 2.0;
@@ -162,6 +230,11 @@ fn floors(comparison: &Comparison) -> Vec<(&str, f64)> {
     let groups = comparison.noise_floor.iter().flat_map(|f| &f.groups);
     let of_trials = groups.filter(|g| g.by == GroupedBy::Trial && g.windows.windows > 0);
     of_trials.map(|g| (g.name.as_str(), g.windows.size())).filter(|(_, n)| *n > 0.0).collect()
+}
+
+/// How a recording is left out, as it is written into the pipeline.
+fn leave_out(trial: &str) -> String {
+    format!("`trials: {{exclude: [{{trial: {}, reason: …}}]}}` leaves it out", aloft_study::quote::yaml(trial))
 }
 
 /// Kind of a recording by its name: `jump` of `jump01`, `squat` of `squat_2`.
@@ -197,8 +270,9 @@ fn of_floors(floors: &[(&str, f64)], weight_n: f64) -> Option<ToCorrect> {
     }
     let words = format!(
         "check or exclude {}: the errors of its own markers or plates raise the floor of the whole session, which hides what is as \
-         large elsewhere (a marker that stands still, jumps or is another one)",
-        names.join(", ")
+         large elsewhere (a marker that stands still, jumps or is another one: its chapter of the report shows which and when); {}",
+        names.join(", "),
+        leave_out(odd[0].0)
     );
     Some(ToCorrect { words, first: true, void: false, offered: false })
 }
@@ -262,9 +336,10 @@ fn of_falls(falls: &[Fall]) -> Option<ToCorrect> {
     let names: Vec<String> = odd.iter().map(|f| format!("{} ({} times)", f.trial, significant(f.ratio, 3))).collect();
     let words = format!(
         "correct or exclude {}: the centre of mass does not fall there as in the other recordings ({} times the stated gravity): \
-         another frame rate or unit",
+         another frame rate or unit; {}",
         names.join(", "),
-        significant(ratio, 3)
+        significant(ratio, 3),
+        leave_out(&odd[0].trial)
     );
     Some(ToCorrect { words, first: true, void: false, offered: false })
 }
@@ -307,9 +382,9 @@ fn plates(trials: &[TrialComparison], weight_n: f64) -> Option<ToCorrect> {
     })
 }
 
-/// Share of the error in contact that a constant along the vertical makes up where the body weighs
-/// more or less than stated: beside it only the acceleration times the missing mass is left.
-const MOSTLY_WEIGHT: f64 = 0.7;
+/// Share of the error in contact that a constant along the vertical makes up where the error is
+/// mostly of that kind: more than half of the mean square, so that what varies is the lesser part.
+const MOSTLY: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// What the plates say of the stated mass, where the error of most recordings is mostly one
 /// constant along the vertical: the same everywhere, it is no error of single recordings.
@@ -319,7 +394,7 @@ fn heavier(trials: &[TrialComparison], odd: &[(&str, f64)], weight_n: f64) -> Op
     let shares: Vec<f64> = measured
         .iter()
         .filter(|t| odd.iter().any(|(name, _)| *name == t.trial) && !t.untared)
-        .filter(|t| t.contact_weak.force_n.bias[2].abs() > MOSTLY_WEIGHT * t.contact_weak.force_n.norm_rms())
+        .filter(|t| t.contact_weak.force_n.bias[2].abs() > MOSTLY * t.contact_weak.force_n.norm_rms())
         .map(|t| t.contact_weak.force_n.bias[2] / weight_n)
         .collect();
     let one_way = shares.iter().all(|s| *s > 0.0) || shares.iter().all(|s| *s < 0.0);
@@ -344,6 +419,16 @@ mod tests {
     fn fall(trial: &str, ratio: f64, leans_deg: f64) -> Fall {
         let differs = (ratio - 1.0).abs() > 0.02 || leans_deg > 1.0;
         Fall { trial: trial.to_owned(), ratio, leans_deg, differs }
+    }
+
+    #[test]
+    fn an_object_whose_markers_do_not_fit_is_not_judged_by_the_floor_that_they_make() {
+        let each = |rms_mm: f64| (0..5).map(|_| Misfit { rms_mm, noise_mm: 0.52 }).collect::<Vec<_>>();
+        let found = of_misfit(&each(9.4), 0.44).unwrap();
+        assert!(found.first && found.void);
+        assert!(found.words.contains("lie 9.4 mm off the model, 18 times what their noise leaves"), "{}", found.words);
+        assert_eq!(of_misfit(&each(0.45), 0.44), None, "noise");
+        assert_eq!(of_misfit(&[], 0.44), None);
     }
 
     #[test]

@@ -199,8 +199,9 @@ const SAME_FORCE: f64 = 0.01;
 fn in_the_ladder(d: &Discovery, best: &Candidate) -> Option<String> {
     let step = d.ladder.first().filter(|s| s.key == best.key && s.judged_on == best.judged_on)?;
     let left = significant(100.0 * step.left_of_error?, 2);
-    (left != significant(100.0 * best.held_out_ratio, 2))
-        .then(|| format!(" in the ranking, and {left} % of that in {} in the table and the ladder", best.judged_on))
+    (left != significant(100.0 * best.held_out_ratio, 2)).then(|| {
+        format!("; added to the model, it leaves {left} % in {}, as the table and the ladder show", best.judged_on)
+    })
 }
 
 /// What the ladder will show of several effects found: the first of them, where that differs from

@@ -5,6 +5,7 @@ use crate::outputs::{self, Look};
 use crate::standing::files;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::disk::is_there;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
 use aloft_workspace::seal;
@@ -83,8 +84,10 @@ pub fn verify(session: &SubjectSession) -> Result<Verified, PipelineError> {
         stale: Vec::new(),
     };
     let folders = STAGES.iter().map(|s| s.name).chain(["merge"]);
-    let found: Vec<(&str, String)> =
-        folders.flat_map(|stage| folders_in(&ws.root().join(stage)).into_iter().map(move |t| (stage, t))).collect();
+    let mut found: Vec<(&str, String)> = Vec::new();
+    for stage in folders {
+        found.extend(folders_in(&ws.root().join(stage))?.into_iter().map(|t| (stage, t)));
+    }
     let damage: Vec<Vec<String>> = found.par_iter().map(|(stage, trial)| ws.damage(stage, trial)).collect();
     for ((stage, trial), problems) in found.iter().zip(damage) {
         let place = format!("{stage}/{trial}");
@@ -101,7 +104,7 @@ pub fn verify(session: &SubjectSession) -> Result<Verified, PipelineError> {
             out.damaged.push(Damage { place, problems, mend: mend.to_owned() });
         }
     }
-    let answers = folders_and_files(&ws.root().join("discoveries"))
+    let answers = folders_and_files(&ws.root().join("discoveries"))?
         .into_iter()
         .filter(|n| n.ends_with(".json") && !n.starts_with('.'))
         .map(|n| (format!("discoveries/{n}"), "`aloft discover`"));
@@ -112,7 +115,8 @@ pub fn verify(session: &SubjectSession) -> Result<Verified, PipelineError> {
             continue;
         }
         out.files += 1;
-        out.bytes += std::fs::metadata(&path).map_or(0, |m| m.len());
+        // none: only the size that is shown; the content is checked below
+        out.bytes += std::fs::metadata(&path).ok().map_or(0, |m| m.len());
         if let Err(e) = seal::read::<serde_json::Value>(&path) {
             let problem = match e {
                 PipelineError::Damaged { problem, .. } => problem,
@@ -149,17 +153,19 @@ fn is_used(session: &SubjectSession, stage: &str, trial: &str) -> bool {
     }
 }
 
-fn folders_and_files(folder: &Path) -> Vec<String> {
+/// Names in a folder, in order; nothing where there is no such folder.
+fn folders_and_files(folder: &Path) -> Result<Vec<String>, PipelineError> {
+    if !is_there(folder)? {
+        return Ok(Vec::new());
+    }
     let mut names: Vec<String> = std::fs::read_dir(folder)
-        .into_iter()
-        .flatten()
-        .flatten()
-        .map(|e| e.file_name().to_string_lossy().into_owned())
-        .collect();
+        .map_err(PipelineError::io("list", folder))?
+        .map(|e| e.map(|e| e.file_name().to_string_lossy().into_owned()).map_err(PipelineError::io("list", folder)))
+        .collect::<Result<_, _>>()?;
     names.sort();
-    names
+    Ok(names)
 }
 
-fn folders_in(folder: &Path) -> Vec<String> {
-    folders_and_files(folder).into_iter().filter(|n| folder.join(n).is_dir()).collect()
+fn folders_in(folder: &Path) -> Result<Vec<String>, PipelineError> {
+    Ok(folders_and_files(folder)?.into_iter().filter(|n| folder.join(n).is_dir()).collect())
 }

@@ -423,6 +423,7 @@ pub fn write(members: &[Member<'_>], call: &Call, out: &Path) -> Result<(), Pipe
     let beside = plan_path(out);
     let ours = |old: &[u8]| {
         let text = String::from_utf8_lossy(old);
+        // none: a file that is no JSON of ours is not replaced
         let json = || serde_json::from_str::<Value>(&text).is_ok_and(|v| v["written_by"] == WRITTEN_BY);
         text.starts_with(&format!("# {WRITTEN_BY}")) || json()
     };

@@ -69,7 +69,7 @@ fn drift(
             .unwrap()
             .discovery;
     let candidate = found.candidates.iter().find(|c| c.effect == "plate_clock_drift").unwrap();
-    let calendar = Calendar::of(&set.members[0], &Workspace::open(&ws));
+    let calendar = Calendar::of(&set.members[0], &Workspace::open(&ws)).unwrap();
     let summary = fs::read_to_string(ws.join("regressor/jump03/manifest.json")).unwrap();
     assert!(summary.contains("session_time_source"), "{summary}");
     (starts, calendar, candidate.coefficients[0].value, candidate.held_out_ratio)

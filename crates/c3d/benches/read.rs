@@ -27,7 +27,7 @@ fn made(order: ByteOrder, storage: Storage) -> Vec<u8> {
             ..Analog::default()
         });
     }
-    builder.build().and_then(|f| f.to_bytes()).unwrap_or_default()
+    builder.build().and_then(|f| f.to_bytes()).ok().unwrap_or_default()
 }
 
 /// The largest recordings of the data folder.
@@ -40,7 +40,7 @@ fn recordings() -> Vec<(String, Vec<u8>)> {
             if path.is_dir() {
                 open.push(path);
             } else if path.extension().is_some_and(|e| e == "c3d") {
-                let size = path.metadata().map_or(0, |m| m.len());
+                let size = path.metadata().ok().map_or(0, |m| m.len());
                 found.push((size, path));
             }
         }
@@ -83,7 +83,7 @@ fn read(criterion: &mut Criterion) {
             b.iter(|| {
                 recordings
                     .iter()
-                    .map(|(_, b)| C3dFile::from_bytes(black_box(b)).map_or(0, |f| f.n_frames))
+                    .map(|(_, b)| C3dFile::from_bytes(black_box(b)).ok().map_or(0, |f| f.n_frames))
                     .sum::<usize>()
             });
         });

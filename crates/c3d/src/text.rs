@@ -40,6 +40,7 @@ pub(crate) fn decode(bytes: &[u8]) -> String {
     let bytes = trim(bytes);
     match std::str::from_utf8(bytes) {
         Ok(text) => text.to_owned(),
+        // none: bytes that are no UTF-8 are Latin-1
         Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
     }
 }

@@ -329,7 +329,7 @@ pub enum Command {
     },
     /// Look at a folder of recordings and write a commented pipeline for it.
     #[command(
-        after_help = "Examples:\n  aloft init lab/s01\n  aloft init study --out study.yaml\n  aloft init lab --subject S07            only the files that name this subject\n\nSubjects and sessions are recognised by participants.tsv, by folders called sub-… and ses-…, or by folders that hold recordings of the same names. A folder with robot.yaml holds joint logs of a robot."
+        after_help = "Examples:\n  aloft init lab/s01\n  aloft init study --out study.yaml\n  aloft init lab --subject S07            only the files that name this subject\n\nSubjects and sessions are recognised by participants.tsv, by folders called sub-… and ses-…, or by folders that hold recordings of the same names. A folder with robot.yaml holds joint logs of a robot.\n\nRecordings that cannot be read are named and counted, and the exit code is 0: the pipeline is whole. They fail in `aloft check` and `aloft run`, whose exit code is then 1."
     )]
     Init {
         /// Folder of recordings.

@@ -42,17 +42,26 @@ pub fn each<T: Serialize>(
     ask: impl Fn(&SubjectSession) -> Result<T, PipelineError>,
     show: impl Fn(&T) -> Result<(), Stop>,
 ) -> Result<Success, Stop> {
-    each_of(args, as_json, ask, |_, found| show(found))
+    each_member(&open_all(args)?, as_json, ask, show)
+}
+
+/// The same for a study that is open.
+pub fn each_member<T: Serialize>(
+    set: &DataSet,
+    as_json: bool,
+    ask: impl Fn(&SubjectSession) -> Result<T, PipelineError>,
+    show: impl Fn(&T) -> Result<(), Stop>,
+) -> Result<Success, Stop> {
+    each_of(set, as_json, ask, |_, found| show(found))
 }
 
 /// The same for a command that shows an answer together with what it knows of the study.
 fn each_of<T: Serialize>(
-    args: &PipelineArgs,
+    set: &DataSet,
     as_json: bool,
     ask: impl Fn(&SubjectSession) -> Result<T, PipelineError>,
     show: impl Fn(&SubjectSession, &T) -> Result<(), Stop>,
 ) -> Result<Success, Stop> {
-    let set = open_all(args)?;
     if !set.several {
         for session in &set.members {
             let found = ask(session)?;
@@ -83,7 +92,7 @@ fn each_of<T: Serialize>(
         }
         out("")?;
     }
-    trouble |= broken(&set);
+    trouble |= broken(set);
     if as_json {
         all.studies.extend(set.broken.iter().map(|b| One {
             id: b.id.clone(),
@@ -127,7 +136,7 @@ pub fn each_step<T: Serialize>(
         Ok(found)
     };
     let shown = |session: &SubjectSession, found: &WithStale<T>| show(session, found.stale.is_empty(), &found.answer);
-    let done = each_of(args, as_json, asked, shown)?;
+    let done = each_of(&open_all(args)?, as_json, asked, shown)?;
     Ok(strict.judge(done, late.get()))
 }
 

@@ -6,7 +6,7 @@ use crate::next;
 use crate::render::{beside, command, half, out, significant, unit};
 use crate::screen::{Cell, cut, labelled, table};
 use crate::stop::Stop;
-use aloft_analysis::compare::compare;
+
 use aloft_analysis::discover::DiscoveryView;
 use aloft_analysis::effect::EffectLine;
 use aloft_analysis::next_step::{self, Because, NextStep};
@@ -205,7 +205,7 @@ fn word(verdict: Verdict) -> &'static str {
 /// The next step, and every further effect or law that the answer names.
 pub fn next(view: &DiscoveryView, session: &SubjectSession, current: bool, at: &PipelineArgs) -> Result<(), Stop> {
     let d = &view.discovery;
-    let step = compare(session).map_or(NextStep::Run, |own| next_step::next_step(session, &own, current));
+    let step = next_step::next_step_of(session, current)?;
     // its advice stands above
     command("next", &next::command_for(&step, &session.id, at));
     if let NextStep::Add { key, because } = &step {
@@ -296,6 +296,7 @@ fn no_better(d: &Discovery) -> Option<String> {
         .iter()
         .filter(|c| c.believed && !named(&c.effect))
         .filter_map(|c| {
+            // none: a law of the user's own contains no other
             let contains = aloft_effects::effect(&c.effect).ok()?.about().contains;
             let of = contains.iter().find(|id| named(id))?;
             (c.held_out_ratio > 0.9 * ratio(of)?).then_some((c.effect.as_str(), *of))

@@ -47,6 +47,9 @@ pub fn marker_sets(action: MarkerSetAction) -> Result<Success, Stop> {
                 json(&found)?;
                 return Ok(Success::Full);
             }
+            for why in &found.not_read {
+                note(format!("warning: not read: {why}"));
+            }
             let text = markerset::to_yaml(&found);
             match target {
                 None => out(text.trim_end())?,

@@ -3,7 +3,7 @@
 use crate::args::PipelineArgs;
 use crate::open::description_of;
 use crate::render::{command, note};
-use aloft_analysis::next_step::NextStep;
+use aloft_analysis::next_step::{Begin, NextStep};
 use aloft_study::quote;
 use aloft_study::recordings::SessionId;
 
@@ -30,14 +30,16 @@ pub fn add(key: &str, id: &SessionId, args: &PipelineArgs) -> String {
 /// report shows where the error sits.
 pub fn command_for(step: &NextStep, id: &SessionId, args: &PipelineArgs) -> String {
     match step {
-        NextStep::Correct { offered: true, .. } => line("check", args, &member(id)),
-        NextStep::Run | NextStep::Correct { .. } => line("run", args, &member(id)),
+        NextStep::Correct { begin: Begin::Check, .. } => line("check", args, &member(id)),
+        NextStep::Run | NextStep::Correct { begin: Begin::Setting, .. } => line("run", args, &member(id)),
         NextStep::Discover { .. } => line("discover", args, &member(id)),
         NextStep::Add { key, .. } => add(key, id, args),
         NextStep::Remove { key } => line("effect remove", args, &[vec![key.clone()], member(id)].concat()),
-        NextStep::Record(_) | NextStep::Advised(_) | NextStep::Use | NextStep::Look => {
-            line("report", args, &member(id))
-        }
+        NextStep::Correct { begin: Begin::Report, .. }
+        | NextStep::Record(_)
+        | NextStep::Advised(_)
+        | NextStep::Use
+        | NextStep::Look => line("report", args, &member(id)),
     }
 }
 
@@ -69,7 +71,11 @@ pub fn for_all(steps: &[(&SessionId, NextStep)], args: &PipelineArgs) -> String 
         {
             of_all("effect add", Some(key))
         }
-        _ if any(|s| matches!(s, NextStep::Run | NextStep::Correct { .. })).is_some() => of_all("run", None),
+        _ if any(|s| matches!(s, NextStep::Run | NextStep::Correct { begin: Begin::Setting, .. })).is_some() => {
+            of_all("run", None)
+        }
+        _ if any(|s| matches!(s, NextStep::Correct { begin: Begin::Check, .. })).is_some() => of_all("check", None),
+        _ if any(|s| matches!(s, NextStep::Correct { .. })).is_some() => of_all("report", None),
         _ if any(|s| matches!(s, NextStep::Discover { .. })).is_some() => of_all("discover", None),
         _ => match any(|s| matches!(s, NextStep::Add { .. } | NextStep::Remove { .. })) {
             Some((id, step)) => command_for(step, id, args),

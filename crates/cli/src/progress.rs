@@ -16,6 +16,7 @@ impl Counted {
     /// A bar with a name.
     pub fn new(name: &str) -> Self {
         let bar = ProgressBar::new(1);
+        // none: only how a bar looks
         if let Ok(style) = ProgressStyle::with_template("{prefix} {bar:30} {pos}/{len}  {eta} left  {elapsed} passed") {
             bar.set_style(style);
         }
@@ -35,6 +36,7 @@ impl Counted {
             && *last != part
         {
             part.clone_into(&mut last);
+            // none: only how a bar looks
             if let Ok(style) = ProgressStyle::with_template("{prefix} {bar:30} {pos}/{len} {msg}  {elapsed} passed") {
                 self.0.set_style(style);
             }
@@ -63,6 +65,7 @@ impl Waiting {
     /// Begins to wait for something with a name.
     pub fn new(name: &str) -> Self {
         let bar = ProgressBar::new_spinner();
+        // none: only how a bar looks
         if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix} {elapsed}") {
             bar.set_style(style);
         }
@@ -110,6 +113,7 @@ fn duration(seconds: f64) -> String {
 impl Progress for Bars {
     fn begin(&self, plan: &Plan) {
         let bar = ProgressBar::new(plan.tasks.iter().sum::<usize>() as u64);
+        // none: only how a bar looks
         if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len}  {prefix}  {msg}") {
             bar.set_style(style);
         }

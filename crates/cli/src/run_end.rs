@@ -19,7 +19,7 @@ use aloft_study::data_set::DataSet;
 use aloft_study::quote::visible;
 use aloft_study::recordings::SessionId;
 use aloft_study::subject_session::SubjectSession;
-use aloft_workspace::error::StageFailure;
+use aloft_workspace::error::{PipelineError, StageFailure};
 
 /// Most lines of the end of a run.
 const LINES: usize = 12;
@@ -64,6 +64,7 @@ pub fn show(
     note(totals(done.reports().map(|(_, r)| r), done.seconds));
     let (mut views, mut trouble) = (Vec::new(), !failed.is_empty() || done.has_trouble());
     for (session, run) in set.members.iter().zip(&done.runs) {
+        // none: the reason was shown above
         let Ok(report) = &run.report else { continue };
         if report.tasks.iter().any(|t| t.stage == "compare" && matches!(t.ended, Ended::Ran | Ended::UpToDate)) {
             match compare(session) {
@@ -109,14 +110,16 @@ pub fn show(
             out("")?;
             out(crate::show::summary(summary))?;
             for session in &set.members {
-                let checked = session_check(session);
+                let checked = session_check(session)?;
                 crate::show_session::session_check(&checked)?;
-                crate::show_session::offers(&offers(session, &checked))?;
+                crate::show_session::offers(&offers(session, &checked)?)?;
             }
         }
     }
-    let steps: Vec<(&SessionId, NextStep)> =
-        views.iter().map(|(session, view)| (&session.id, next_step(session, view, true))).collect();
+    let steps: Vec<(&SessionId, NextStep)> = views
+        .iter()
+        .map(|(session, view)| Ok((&session.id, next_step(session, view, true)?)))
+        .collect::<Result<_, PipelineError>>()?;
     command("next", &next::after_run(&steps, failed_task(&failed), args));
     Ok(trouble)
 }

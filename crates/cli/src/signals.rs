@@ -7,6 +7,7 @@
 pub fn watch() {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     let asked = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|s| !is_ignored(*s));
+    // none: without a handler the system ends the process
     let Ok(mut signals) = signal_hook::iterator::Signals::new(asked) else { return };
     let ended = move || {
         if let Some(signal) = signals.forever().next() {
@@ -22,7 +23,8 @@ pub fn watch() {
 /// True for a signal that whoever started the program told it to ignore, as `nohup` does.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    // none: a system without this file ignores no signal here
+    let status = std::fs::read_to_string("/proc/self/status").ok().unwrap_or_default();
     let mask = status.lines().find_map(|l| u64::from_str_radix(l.strip_prefix("SigIgn:")?.trim(), 16).ok());
     mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }

@@ -187,6 +187,7 @@ impl Grouping {
         };
         let mut push =
             |by, name: String, range, within: &[(usize, &FrameRecord)], keep: &dyn Fn(&FrameRecord) -> bool| {
+                // none: a table with as many groups is full
                 let Ok(index) = u16::try_from(out.heads.len()) else { return };
                 let mut any = false;
                 for (trial, r) in within.iter().filter(|(_, r)| keep(r)) {

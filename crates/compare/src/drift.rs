@@ -81,6 +81,7 @@ impl RateEstimate {
     /// A variance that fits the readings: `seen` is a multiple of χ², so that the true mean square
     /// is `seen ν / χ²`.
     fn drawn(&self, rng: &mut ChaCha8Rng) -> f64 {
+        // none: the freedom is at least that of one reading, for which the distribution exists
         let Ok(chi) = ChiSquared::new(self.freedom) else { return self.variance() };
         (self.seen * self.freedom / chi.sample(rng).max(f64::MIN_POSITIVE) - self.noise).max(0.0)
     }

@@ -37,6 +37,14 @@ pub enum CompareError {
         #[doc(hidden)]
         source: aloft_signal::DesignError,
     },
+    /// A motion with drawn errors, or their plates, cannot be filtered.
+    #[error("{trial}: its noise floor cannot be computed: {problem}")]
+    Smooth {
+        #[doc(hidden)]
+        trial: String,
+        #[doc(hidden)]
+        problem: String,
+    },
     /// Weak rows cannot be formed.
     #[error(transparent)]
     Rows(#[from] aloft_regressor::RegressorError),

@@ -39,7 +39,7 @@ use crate::trial_draws::{DrawnWindow, TrialDraws, mean_change};
 use crate::windows::{about, stretches, windows_of};
 use aloft_body::{Model, Motion, Phi, State};
 use aloft_regressor::{Acting, BodyWindows, RegressorError, body_windows};
-use aloft_signal::{Butterworth, LowPass};
+use aloft_signal::{Butterworth, DesignError, LowPass};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -143,8 +143,8 @@ impl Group {
     }
 }
 
-/// Filters a motion as the motion of the comparison was filtered; `None` where that fails.
-pub type Smooth<'a> = &'a (dyn Fn(&Motion) -> Option<Motion> + Sync);
+/// Filters a motion as the motion of the comparison was filtered; the reason where that fails.
+pub type Smooth<'a> = &'a (dyn Fn(&Motion) -> Result<Motion, String> + Sync);
 
 /// Effect of the noise on the frames and windows of one trial.
 #[derive(Debug, Clone, Default)]
@@ -286,7 +286,8 @@ pub(crate) fn trial_floor(
     // of the plates has to act beside it
     let measured = input.measured.map_or_else(|| vec![Vector6::zeros(); clean.n_frames()], |m| m.unfiltered.clone());
     let clean_windows = windows(body, &phi, clean, &runs, &measured, options)?;
-    let Some(base_line) = smooth(clean) else { return Ok(out) };
+    let smooth = |m: &Motion| smooth(m).map_err(|problem| CompareError::Smooth { trial: m.trial.clone(), problem });
+    let base_line = smooth(clean)?;
     let calm = calm_frames(body, candidate, index, input, &base_line, options);
     let wanted = |f: usize| runs.iter().any(|(_, run)| run.contains(&f));
     let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
@@ -314,8 +315,12 @@ pub(crate) fn trial_floor(
         if !filtered_too {
             continue;
         }
-        let Some(noisy) = smooth(&noisy) else { continue };
-        let filtered_plates = plates.map(|p| low_passed(p, clean.rate_hz, filter));
+        let noisy = smooth(&noisy)?;
+        let low_passed = |p| low_passed(p, clean.rate_hz, filter);
+        let filtered_plates = plates
+            .map(low_passed)
+            .transpose()
+            .map_err(|e| CompareError::Smooth { trial: clean.trial.clone(), problem: e.to_string() })?;
         let measured = input.measured.map(|m| m.filtered.as_slice());
         add_frames(&mut out, body, candidate, index, &calm, &noisy, measured, filtered_plates.as_deref());
     }
@@ -367,11 +372,16 @@ fn plate_noise(
     Some(white)
 }
 
-fn low_passed(series: Vec<Vector6<f64>>, rate_hz: f64, filter: Option<LowPass>) -> Vec<Vector6<f64>> {
-    let Some(Ok(filter)) = filter.map(|spec| Butterworth::design(spec, rate_hz)) else { return series };
+fn low_passed(
+    series: Vec<Vector6<f64>>,
+    rate_hz: f64,
+    filter: Option<LowPass>,
+) -> Result<Vec<Vector6<f64>>, DesignError> {
+    let Some(spec) = filter else { return Ok(series) };
+    let filter = Butterworth::design(spec, rate_hz)?;
     let mut flat: Vec<f64> = series.iter().flat_map(|w| <[f64; 6]>::from(*w)).collect();
     filter.filtfilt_interleaved(&mut flat, 6);
-    flat.chunks_exact(6).map(Vector6::from_column_slice).collect()
+    Ok(flat.chunks_exact(6).map(Vector6::from_column_slice).collect())
 }
 
 /// A frame that is used, without noise.

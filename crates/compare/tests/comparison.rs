@@ -255,7 +255,7 @@ fn the_noise_floor_is_the_error_that_noise_makes() {
     let body = Body { model: &model, base: &base, prior: &truth };
     let trial = TrialInput { unfiltered: Some(&raw), measured: Some(&plates), ..TrialInput::new(&filtered, &[]) };
     let candidates = [Candidate::links("truth", &base, &truth)];
-    let again = |m: &Motion| Some(smooth(&model, m));
+    let again = |m: &Motion| Ok(smooth(&model, m));
     let filtering = Filtering { filter: Some(FILTER), smooth: &again };
     let options = CompareOptions { noise_draws: 4, frame_draws: 4, end_margin_frames: 60, ..CompareOptions::default() };
     let (c, _) = compare(&body, &candidates, &[trial], Noise::Drawn { filtering, of: None }, &options).unwrap();

@@ -65,7 +65,7 @@ pub(crate) fn judge_each_beside_the_others<'a>(
     let pairs: Vec<String> = rounds.iter().filter(of_pair).flat_map(|r| r.joined.clone()).collect();
     let error = |kept: &[Variant<'_>]| {
         let extra = extra_columns(session, domain, accepted, kept, &[]);
-        let joint = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight);
+        let joint = Problem::if_possible(session, domain, &extra, options);
         joint.map_or(f64::INFINITY, |p| p.plain())
     };
     let (kept_before, found_before) = (kept.clone(), found.clone());
@@ -84,8 +84,8 @@ pub(crate) fn judge_each_beside_the_others<'a>(
             let own = others.remove(i);
             others_found.remove(i);
             let extra = extra_columns(session, domain, accepted, &others, &others_found);
-            let problem = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight);
-            let Ok(problem) = problem else { return any_replaced };
+            let problem = Problem::if_possible(session, domain, &extra, options);
+            let Some(problem) = problem else { return any_replaced };
             let (mut round, _, rivals) = run_round(&Ask {
                 session,
                 problem: &problem,

@@ -123,8 +123,7 @@ impl<'a> Beyond<'_, 'a> {
     /// The flights with effects in the model.
     fn problem(&self, kept: &[Variant<'_>], found: &[Found]) -> Option<Problem> {
         let extra = extra_columns(self.session, Domain::Flight, self.accepted, kept, found);
-        let (fewest, weight) = (self.options.fewest_trials, self.options.prior_weight);
-        Problem::new(self.session, Domain::Flight, &extra, fewest, weight).ok()
+        Problem::if_possible(self.session, Domain::Flight, &extra, self.options)
     }
 
     /// Notes in the answer where the strength of a named effect does not follow its law, and

@@ -177,7 +177,7 @@ fn steps<'e>(
     for (v, f) in kept.iter().zip(found) {
         let nonlinear = f.nonlinear.iter().map(|e| e.value).collect();
         let choice = EffectInstance { effect: v.effect, target: v.target, nonlinear, trials: f.trials.clone() };
-        steps.extend(addition(session, &model, &choice, options).ok());
+        steps.extend(session.or_named(addition(session, &model, &choice, options)));
         model.push(choice);
     }
     steps
@@ -259,7 +259,7 @@ pub(crate) fn conclude(
     // the effects found in flight
     let error_with = |domain: Domain, kept: &[Variant<'_>], found: &[Found]| {
         let extra = extra_columns(session, domain, accepted, kept, found);
-        let problem = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok()?;
+        let problem = Problem::if_possible(session, domain, &extra, options)?;
         Some(problem.plain().sqrt() * session.unit[0])
     };
     let places = [Domain::Flight, Domain::Contact];
@@ -345,6 +345,7 @@ pub(crate) fn conclude(
         found,
         advice: Vec::new(),
         warnings: session.warnings.clone(),
+        failed: Vec::new(),
         not_tried: left_out,
         misfit: None,
         against: None,

@@ -37,7 +37,7 @@ impl Refit<'_, '_> {
         let (kept, found) = if with_found { (self.kept, self.found) } else { Default::default() };
         let extra = extra_columns(session, Domain::Contact, self.accepted, kept, found);
         let options = self.options;
-        Problem::new(session, Domain::Contact, &extra, options.fewest_trials, options.prior_weight).ok()
+        Problem::if_possible(session, Domain::Contact, &extra, options)
     }
 
     /// Compares in contact the effects that a round in flight cannot tell apart, and those that fit

@@ -43,6 +43,7 @@ pub fn discover(
         match without_refused(session, effects, accepted, &until, &options)? {
             Ok(mut answer) => {
                 answer.warnings.extend(refused);
+                answer.failed = session.failed().into_iter().collect();
                 return Ok(answer);
             }
             Err(no) => {
@@ -92,7 +93,7 @@ fn without_refused(
         prune(session, accepted, &mut made.kept, &mut made.found, options);
         let domain = if has_flights { Domain::Flight } else { Domain::Contact };
         let extra = extra_columns(session, domain, accepted, &made.kept, &[]);
-        let joint = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight);
+        let joint = Problem::if_possible(session, domain, &extra, options);
         made.errors[1] = joint.map_or(made.errors[1], |p| p.plain());
     }
     widen_found(session, accepted, &made.kept, &mut made.found, options);

@@ -50,7 +50,7 @@ impl Session<'_> {
         // agree less with the fit, and would let the prior weigh more: no more than the floor does.
         let floor = (self.model_error[0]?.noise_floor / self.unit[0]).powi(2);
         let problem_with =
-            |variance| Problem::with_variance(self, Domain::Flight, &[], FEWEST_TRIALS, 1.0, variance).ok();
+            |variance| self.or_named(Problem::with_variance(self, Domain::Flight, &[], FEWEST_TRIALS, 1.0, variance));
         let own = problem_with(None)?;
         let problem = if own.variance <= floor { own } else { problem_with(Some(floor))? };
         // rows to newtons, moments over the lever
@@ -82,7 +82,7 @@ impl Session<'_> {
             if 6 * windows.len() != its.rows.nrows() || windows.is_empty() {
                 continue;
             }
-            let Ok(rows) = problem.scaled(self, its.rows) else { continue };
+            let Some(rows) = self.or_named(problem.scaled(self, its.rows)) else { continue };
             let prior = problem.prior_error_of(&rows, trial, newtons);
             for ((sum, refit), errors) in squares.iter_mut().zip(&refits).zip(own.errors) {
                 let change = &rows * refit.without(trial);

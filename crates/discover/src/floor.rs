@@ -10,7 +10,7 @@
 
 use crate::session::{Block, Body, TrialInput, moment_length_m};
 use aloft_body::{Model, Motion};
-use aloft_regressor::{Acting, Stretch, WeakOptions, weak_rows};
+use aloft_regressor::{Acting, RegressorError, Stretch, WeakOptions, weak_rows};
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -24,8 +24,8 @@ pub(crate) fn white_noise(
     trials: &[TrialInput<'_>],
     options: &WeakOptions,
     blocks: &[Block],
-) -> Option<[f64; 2]> {
-    let root = noise_root(body.model, trials)?;
+) -> Result<Option<[f64; 2]>, RegressorError> {
+    let Some(root) = noise_root(body.model, trials) else { return Ok(None) };
     let prior = body.base.regroup(body.phi);
     let jobs: Vec<(&TrialInput<'_>, &Stretch)> =
         trials.iter().flat_map(|t| t.stretches.iter().map(move |s| (t, s))).collect();
@@ -40,14 +40,19 @@ pub(crate) fn white_noise(
             let cut = |m: &Motion| {
                 let zero = vec![nalgebra::Vector6::zeros(); m.n_frames()];
                 let acting = Acting { measured: Some(&zero), effects: None };
-                let mut rows = weak_rows(body.model, body.base, body.phi, m, &whole, acting, options).ok()?;
+                let mut rows = match weak_rows(body.model, body.base, body.phi, m, &whole, acting, options) {
+                    Ok(rows) => rows,
+                    Err(RegressorError::TooShort { .. }) => return Ok(None),
+                    Err(e) => return Err(e),
+                };
                 rows.apply_fixed_weights(moment_length_m(body, options));
                 let n = rows.matrix.nrows();
-                Some(DVector::from_fn(n, |r, _| (0..prior.len()).map(|c| rows.matrix[(r, c)] * prior[c]).sum::<f64>()))
+                let row = |r: usize| (0..prior.len()).map(|c| rows.matrix[(r, c)] * prior[c]).sum::<f64>();
+                Ok(Some(DVector::from_fn(n, |r, _| row(r))))
             };
-            let clean = cut(&cut_motion(trial.motion, stretch));
+            let clean = cut(&cut_motion(trial.motion, stretch))?;
             let mut out = [0.0; 3];
-            if let (Some(a), Some(b)) = (cut(&noisy), clean)
+            if let (Some(a), Some(b)) = (cut(&noisy)?, clean)
                 && a.len() == b.len()
             {
                 for (r, (x, y)) in a.iter().zip(b.iter()).enumerate() {
@@ -56,14 +61,14 @@ pub(crate) fn white_noise(
                 }
                 out[2] = a.len() as f64 / 2.0;
             }
-            out
+            Ok(out)
         })
-        .collect();
+        .collect::<Result<_, RegressorError>>()?;
     let n: f64 = sums.iter().map(|s| s[2]).sum();
     if n == 0.0 || blocks.is_empty() {
-        return None;
+        return Ok(None);
     }
-    Some([sums.iter().map(|s| s[0]).sum::<f64>() / n, sums.iter().map(|s| s[1]).sum::<f64>() / n])
+    Ok(Some([sums.iter().map(|s| s[0]).sum::<f64>() / n, sums.iter().map(|s| s[1]).sum::<f64>() / n]))
 }
 
 fn cut_motion(motion: &Motion, stretch: &Stretch) -> Motion {

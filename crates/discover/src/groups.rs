@@ -84,7 +84,7 @@ impl Session<'_> {
     /// flights hardly do.
     fn loaded_on_plates(&self, effect: &dyn Effect, targets: &[Target]) -> Option<Vec<Option<bool>>> {
         let find = || -> Option<Vec<Option<bool>>> {
-            let problem = Problem::new(self, Domain::Contact, &[], FEWEST, 1.0).ok()?;
+            let problem = self.or_named(Problem::new(self, Domain::Contact, &[], FEWEST, 1.0))?;
             let trials = trials_of(&problem);
             let n_rows: f64 = problem.clusters.iter().map(|c| c.n_rows as f64).sum();
             // the link on which the trials' masses explain contact best: on another one they are

@@ -25,7 +25,7 @@ impl Refit<'_, '_> {
     pub fn with(&self, session: &Session<'_>, domain: Domain, variant: &Variant<'_>) -> Option<Problem> {
         let mut extra = extra_columns(session, domain, self.accepted, self.kept, self.found);
         extra.extend(extra_columns(session, domain, &[], std::slice::from_ref(variant), &[]));
-        Problem::new(session, domain, &extra, self.options.fewest_trials, self.options.prior_weight).ok()
+        Problem::if_possible(session, domain, &extra, self.options)
     }
     /// Seed of all random draws.
     pub fn seed(&self) -> u64 {
@@ -112,7 +112,7 @@ pub(crate) fn prune<'a>(
     const LOSS: f64 = 1.03;
     let error = |kept: &[Variant<'_>], found: &[Found], domain: Domain| {
         let extra = extra_columns(session, domain, accepted, kept, found);
-        Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok().map(|p| p.plain())
+        Problem::if_possible(session, domain, &extra, options).map(|p| p.plain())
     };
     while kept.len() > 1 {
         let mut least: Option<(f64, Vec<Variant<'a>>, Vec<Found>)> = None;
@@ -186,7 +186,7 @@ fn refit(
                 return Some(1.0);
             }
             let extra = whole(kept, domain);
-            Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok().map(|p| p.plain())
+            Problem::if_possible(session, domain, &extra, options).map(|p| p.plain())
         };
         // relative changes of both count alike
         Some(of(Domain::Flight)? * of(Domain::Contact)?)
@@ -198,10 +198,9 @@ fn refit(
             others.remove(i);
             let domain = domain_of(&kept[i]);
             let extra = extra_columns(session, domain, accepted, &others, &[]);
-            let Ok(problem) = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight) else {
-                continue;
-            };
-            let Ok(problem) = sharpened(session, &problem, &extra, &whole(kept, domain), options) else { continue };
+            let Some(problem) = Problem::if_possible(session, domain, &extra, options) else { continue };
+            let sharp = sharpened(session, &problem, &extra, &whole(kept, domain), options);
+            let Some(problem) = session.or_named(sharp) else { continue };
             if let Some(scored) = crate::nonlinear::fitted(session, &problem, &kept[i]) {
                 found[i] = as_found(session, &scored);
                 kept[i] = scored.variant;

@@ -102,7 +102,7 @@ fn other_links(
     others.remove(i);
     let domain = if own.effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
     let extra = extra_columns(session, domain, accepted, &others, &[]);
-    let problem = Problem::new(session, domain, &extra, options.fewest_trials, options.prior_weight).ok()?;
+    let problem = Problem::if_possible(session, domain, &extra, options)?;
     let in_model = accepted.iter().map(|c| (c.effect.id(), c.target));
     let taken: Vec<(&str, Target)> = in_model.chain(others.iter().map(|v| (v.effect.id(), v.target))).collect();
     let here = fitted(session, &problem, own)?;

@@ -56,8 +56,7 @@ pub(crate) fn one_is_enough<'a>(
         let mut kept: Vec<Variant<'a>> = others.iter().map(|&i| made.kept[i].clone()).collect();
         let mut found: Vec<Found> = others.iter().map(|&i| made.found[i].clone()).collect();
         let extra = extra_columns(session, Domain::Flight, accepted, &kept, &found);
-        let problem =
-            Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()?;
+        let problem = Problem::if_possible(session, Domain::Flight, &extra, options)?;
         let scored = fitted(session, &problem, &variant)?;
         let mut its = as_found(session, &scored);
         kept.insert(0, scored.variant);
@@ -91,7 +90,7 @@ pub(crate) fn one_is_enough<'a>(
     class.effects.insert(0, id.clone());
     class.joined = vec![id.clone()];
     let extra = extra_columns(session, Domain::Flight, accepted, &out.kept, &out.found);
-    let problem = Problem::new(session, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()?;
+    let problem = Problem::if_possible(session, Domain::Flight, &extra, options)?;
     out.errors[1] = problem.plain();
     Some(out)
 }

@@ -59,7 +59,7 @@ fn acting(
     if open.is_empty() || with.is_empty() {
         return None;
     }
-    let from = contact.with_clusters(&with).ok()?;
+    let from = session.or_named(contact.with_clusters(&with))?;
     let masked: Vec<DMatrix<f64>> =
         with.iter().map(|&g| &columns[g] * f64::from(u8::from(group[contact.clusters[g].trial]))).collect();
     let (ac, _, _) = from.products(&masked, None);

@@ -6,6 +6,7 @@
 //! Weights of rows are fixed; only the weight of the prior is estimated from residuals.
 
 use crate::DiscoverError;
+use crate::options::DiscoverOptions;
 use crate::session::Session;
 use aloft_regressor::StretchKind;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -93,6 +94,17 @@ impl Problem {
         prior_weight: f64,
     ) -> Result<Self, DiscoverError> {
         Self::with_variance(session, domain, extra, fewest, prior_weight, None)
+    }
+
+    /// The same; none where there is too little to judge, and where it cannot be computed, which
+    /// the answer then names.
+    pub fn if_possible(
+        session: &Session<'_>,
+        domain: Domain,
+        extra: &[Vec<DMatrix<f64>>],
+        options: &DiscoverOptions,
+    ) -> Option<Self> {
+        session.or_named(Self::new(session, domain, extra, options.fewest_trials, options.prior_weight))
     }
 
     /// The same with a given variance of a row (which weights the prior) instead of an estimated

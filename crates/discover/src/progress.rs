@@ -59,6 +59,7 @@ pub(crate) struct Until(Option<Instant>);
 impl Until {
     /// The end of a budget (s) that begins now.
     pub fn of(budget_s: Option<f64>) -> Self {
+        // none: a budget longer than any run is no budget
         let length = budget_s.and_then(|s| Duration::try_from_secs_f64(s.max(0.0)).ok());
         Self(length.and_then(|length| Instant::now().checked_add(length)))
     }

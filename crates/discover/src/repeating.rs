@@ -137,9 +137,9 @@ pub(crate) fn widen(
     let new = |extra, variance| {
         Problem::with_variance(session, domain, extra, options.fewest_trials, options.prior_weight, variance)
     };
-    let Ok(complete) = new(whole, None) else { return };
+    let Some(complete) = session.or_named(new(whole, None)) else { return };
     // weight the prior by the residual of the complete model
-    let Ok(without) = new(others, Some(complete.variance)) else { return };
+    let Some(without) = session.or_named(new(others, Some(complete.variance))) else { return };
     let theta = DVector::from_iterator(coefficients.len(), coefficients.iter().map(|e| e.value));
     let Some(columns) = crate::nonlinear::columns_and_slopes(session, &without, variant, &theta) else { return };
     let own = Own::new(session, domain, &without, &complete, columns);

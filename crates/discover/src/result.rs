@@ -328,6 +328,10 @@ pub struct Discovery {
     pub advice: Vec<String>,
     /// Data that were left out, with the reason.
     pub warnings: Vec<String>,
+    /// Why models that the search wanted to judge could not be computed; empty for a whole answer.
+    /// An answer with such a part missing is not stored.
+    #[serde(skip)]
+    pub failed: Vec<String>,
     /// An effect found whose strength depends on something in another way than its law says; null
     /// where nothing shows that. On a rigid body an effect with a misfit is not named, nor are
     /// those beside it, nor several of which one is missing if each has one.

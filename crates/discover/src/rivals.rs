@@ -97,7 +97,7 @@ pub(crate) fn rivals<'a>(
         let best = &scores[first].scored[scores[first].best].variant;
         let columns = best.blocks_at(session, problem, &best.nonlinear)?;
         let whole: Vec<Vec<DMatrix<f64>>> = extra.iter().cloned().chain([columns]).collect();
-        sharpened(session, problem, extra, &whole, options).ok()
+        session.or_named(sharpened(session, problem, extra, &whole, options))
     });
     let Some(sharp) = sharp else { return (None, believed.iter().map(as_ranked).collect()) };
     let refitted = believed.par_iter().map(|index| {

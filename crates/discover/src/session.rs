@@ -18,7 +18,8 @@ use aloft_regressor::weak_windows::{Origin, WeakRows, force_scale_n};
 use aloft_regressor::{Acting, RegressorError, Stretch, StretchKind, WeakOptions, weak_rows};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rayon::prelude::*;
-use std::sync::{Arc, OnceLock};
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// One trial as delivered by the earlier stages.
 #[derive(Debug, Clone, Copy)]
@@ -109,6 +110,8 @@ pub struct Session<'a> {
     /// What the plates tell of loads in each trial, once it was asked for.
     pub(crate) on_plates: Arc<OnceLock<Option<Vec<Option<bool>>>>>,
     pub(crate) warnings: Vec<String>,
+    /// Why parts of the present answer could not be computed.
+    pub(crate) failed: Arc<Mutex<BTreeSet<String>>>,
     pub(crate) counter: Counter<'a>,
     pub(crate) by_stages: ByStages<'a>,
 }
@@ -207,17 +210,40 @@ impl<'a> Session<'a> {
             by_stages: ByStages::default(),
             on_plates: Arc::default(),
             warnings,
+            failed: Arc::default(),
         };
-        out.noise = crate::floor::white_noise(body, trials, options, &out.blocks);
+        out.noise = crate::floor::white_noise(body, trials, options, &out.blocks)?;
         // gravity acts at the body's centre of mass, which flights determine better than the prior
         let flying = out.blocks.iter().any(|b| b.kind == StretchKind::Flight);
         let domain = if flying { Domain::Flight } else { Domain::Contact };
-        if let Ok(problem) = Problem::new(&out, domain, &[], usize::MAX, 1.0) {
-            for series in Arc::make_mut(&mut out.series).iter_mut().flatten() {
-                series.set_centre_of_mass(body.base, problem.parameters.as_slice());
+        match Problem::new(&out, domain, &[], usize::MAX, 1.0) {
+            Ok(problem) => {
+                for series in Arc::make_mut(&mut out.series).iter_mut().flatten() {
+                    series.set_centre_of_mass(body.base, problem.parameters.as_slice());
+                }
             }
+            Err(DiscoverError::TooFew { .. }) => {}
+            Err(e) => return Err(e),
         }
         Ok(out)
+    }
+
+    /// What was computed. Too little evidence for it is no failure: nothing can be said. Any other
+    /// failure leaves a part of the answer out and is kept, so that the answer names it.
+    pub(crate) fn or_named<T>(&self, computed: Result<T, DiscoverError>) -> Option<T> {
+        match computed {
+            Ok(computed) => Some(computed),
+            Err(DiscoverError::TooFew { .. }) => None,
+            Err(e) => {
+                self.failed.lock().unwrap_or_else(PoisonError::into_inner).insert(e.to_string());
+                None
+            }
+        }
+    }
+
+    /// The failures kept so far, each once.
+    pub(crate) fn failed(&self) -> BTreeSet<String> {
+        self.failed.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Adds an effect of a given size to the measurement, through its columns, to test the method
@@ -278,9 +304,11 @@ impl<'a> Session<'a> {
     }
 
     /// Computes the error with the effects found by `compute` (flight, contact) instead of
-    /// estimating it from the rows, before the verdict is given.
+    /// estimating it from the rows, before the verdict is given. Failures from now on are those of
+    /// this session alone, not of the one that it was cloned from.
     #[must_use]
     pub fn with_stages(mut self, compute: Compute<'a>) -> Self {
+        self.failed = Arc::new(Mutex::new(self.failed()));
         self.by_stages = ByStages::new(compute);
         self
     }
@@ -384,6 +412,7 @@ impl<'a> Session<'a> {
             drawn: Arc::new(Drawn { rows, zeros: self.drawn.zeros.clone() }),
             on_plates: Arc::clone(&self.on_plates),
             warnings: Vec::new(),
+            failed: Arc::clone(&self.failed),
             counter: self.counter.clone(),
             by_stages: self.by_stages,
             ..*self

@@ -72,8 +72,8 @@ pub(crate) fn by_both<'a>(
         others.remove(i);
         let of = |v: &[Variant<'_>]| extra_columns(session, Domain::Both, accepted, v, &[]);
         let (rest, whole) = (of(&others), of(kept));
-        let problem = Problem::new(session, Domain::Both, &rest, options.fewest_trials, options.prior_weight).ok()?;
-        sharpened(session, &problem, &rest, &whole, options).ok()
+        let problem = Problem::if_possible(session, Domain::Both, &rest, options)?;
+        session.or_named(sharpened(session, &problem, &rest, &whole, options))
     };
     let mut out = SizedByBoth { kept: kept.to_vec(), found: found.to_vec(), staged: Staged::default() };
     for &i in &always {

@@ -20,6 +20,7 @@ pub(crate) fn thin<'a>(
     }
     let mut kept: Vec<usize> = parts.iter().flat_map(|part| part.iter().copied().step_by(step)).collect();
     kept.sort_unstable();
+    // none: fewer clusters need not determine the parameters; then all of them are used
     let problem = problem.with_clusters(&kept).ok()?;
     let mut rows = vec![false; session.blocks.len()];
     for &block in problem.clusters.iter().flat_map(|c| &c.blocks) {

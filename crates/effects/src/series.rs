@@ -306,6 +306,7 @@ impl<'a> Series<'a> {
     /// Index in the series of a frame of the motion.
     #[inline]
     pub fn index_of(&self, frame: usize) -> Option<usize> {
+        // none: a frame without motion has no index
         self.frames.binary_search(&frame).ok()
     }
     /// Runs of consecutive frames inside spans, as index ranges of the series.

@@ -196,6 +196,7 @@ fn guarded<T>(decode: impl FnOnce() -> T) -> Option<T> {
     GUARDED.set(true);
     let out = catch_unwind(AssertUnwindSafe(decode));
     GUARDED.set(false);
+    // none: a file that the reader gives up on is no table, which the caller says
     out.ok()
 }
 

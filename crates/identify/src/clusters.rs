@@ -417,8 +417,11 @@ struct ClusterSpread {
 fn cluster_spread(cluster: &ClusterRows, functions: &Mat<f64>, known: Option<&DMatrix<f64>>) -> ClusterSpread {
     let (m, n) = (functions.nrows(), functions.ncols());
     let gram = Mat::from_fn(m, m, |i, j| cluster.gram[(i, j)]);
+    // none: the spread is not known, which leaves no interval
     let Ok(eigen) = gram.self_adjoint_eigen(Side::Lower) else {
-        return ClusterSpread { score: DVector::zeros(m), own: vec![0.0; n], b: Mat::zeros(m, n), known: vec![0.0; n] };
+        let unknown = || vec![f64::NAN; n];
+        let (score, b) = (DVector::repeat(m, f64::NAN), Mat::full(m, n, f64::NAN));
+        return ClusterSpread { score, own: unknown(), b, known: unknown() };
     };
     let (v, values) = (eigen.U(), eigen.S().column_vector());
     // a direction determined by no other cluster and no prior has no residual to estimate its
@@ -464,15 +467,17 @@ fn solve_semidefinite(matrix: &Mat<f64>, right: &DVector<f64>, least: f64) -> DV
             let x = factor.solve(Mat::from_fn(right.len(), 1, |i, _| right[i]));
             DVector::from_fn(right.len(), |i, _| x[(i, 0)])
         }
+        // none: a matrix that is not positive definite is solved by least squares
         Err(_) => through_eigen(matrix, right, |l| if l > least { l.recip() } else { 0.0 }),
     }
 }
 
-/// `f(A) b` for a function of the eigenvalues, from the lower half of A; zero where the
+/// `f(A) b` for a function of the eigenvalues, from the lower half of A; NaN where the
 /// decomposition fails.
 fn through_eigen(matrix: &Mat<f64>, vector: &DVector<f64>, f: impl Fn(f64) -> f64) -> DVector<f64> {
     let n = vector.len();
-    let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DVector::zeros(n) };
+    // none: not a number is not known
+    let Ok(eigen) = matrix.self_adjoint_eigen(Side::Lower) else { return DVector::repeat(n, f64::NAN) };
     let (u, values) = (eigen.U(), eigen.S().column_vector());
     let mut out = DVector::zeros(n);
     for (k, value) in values.iter().enumerate() {

@@ -309,11 +309,11 @@ impl Fit {
         let p = merged.n_parameters();
         let n = groups.iter().max().map_or(0, |g| g + 1);
         let left: Vec<DVector<f64>> = if n >= 2 {
-            leave_group_out(factors, groups, |_, rest| null_vector(rest, mass_kg, scaling).ok())?
-                .into_iter()
-                .flatten()
-                .map(|v| v.parameters)
-                .collect()
+            // none: where one group is needed to determine the vector, its scatter is not known,
+            // and all of it has no interval
+            let each = leave_group_out(factors, groups, |_, rest| null_vector(rest, mass_kg, scaling).ok())?;
+            let all: Option<Vec<_>> = each.into_iter().map(|v| v.map(|v| v.parameters)).collect();
+            all.unwrap_or_default()
         } else {
             Vec::new()
         };

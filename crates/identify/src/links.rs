@@ -116,8 +116,8 @@ pub fn consistent_links(
     let mut links = problem.solve(options.divergence_weight)?;
     for _ in 0..ROUNDS {
         let Some(at) = prior.at(&start, &links.phi) else { break };
-        let Ok(moved) = problem.moved(base, at, options) else { break };
-        let Ok(next) = moved.solve_from(&stacked(&links.phi), options.divergence_weight) else { break };
+        let moved = problem.moved(base, at, options)?;
+        let next = moved.solve_from(&stacked(&links.phi), options.divergence_weight)?;
         (problem, links) = (moved, next);
     }
     Ok(links)

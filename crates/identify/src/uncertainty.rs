@@ -223,6 +223,7 @@ impl Uncertainty {
             // effects are eliminated from the rows of links; here from their errors
             let dense = merged.dense();
             let (a, e) = (dense.columns(0, p), dense.columns(p, k));
+            // none: only a negative tolerance is refused
             if let Ok(inverse) = e.tr_mul(&e).pseudo_inverse(1e-12) {
                 let eliminated = inverse * e.tr_mul(&a) * &by_base;
                 by_rows.rows_mut(p - 1, k).copy_from(&(-eliminated));
@@ -230,6 +231,7 @@ impl Uncertainty {
         }
         let all_known = by_columns(&gradients, &links.known);
         // second-order shifts change moments about the origin, not those about the centre of mass
+        // none: without them the intervals are the wider ones
         let beyond = covariance_root(&links.prior_covariance).ok().and_then(DMatrix::try_inverse).map(|inverse| {
             let back = inverse.tr_mul(&inverse) * (&follow * prior_weight);
             by_columns(&back, &links.second_order)

@@ -173,7 +173,7 @@ fn load(folder: &Path, set: &MarkerSet) -> Vec<Trial> {
 }
 
 fn facts(folder: &Path) -> PersonFacts {
-    let text = std::fs::read_to_string(folder.join("subject.yaml")).unwrap_or_default();
+    let text = std::fs::read_to_string(folder.join("subject.yaml")).ok().unwrap_or_default();
     let value: serde_yaml::Value = serde_yaml::from_str(&text).unwrap();
     PersonFacts {
         name: "person".to_owned(),

@@ -74,8 +74,10 @@ fn exchange(
     find: impl Fn(&Body<'_>, &[usize], f64) -> Option<(Vec<usize>, f64)>,
 ) -> Option<LabelExchange> {
     let options = IkOptions::default();
+    // none: what fails here fails in the fit as well, which names it
     let mut problem = Problem::new(subject, &options).ok()?;
     problem.deviations = false;
+    // none: as above
     let sources = match_markers(&mut problem, subject, trial).ok()?;
     let frames = frames(trial, &sources);
     // places of the markers in the chosen frames, with the exchanges within segments made

@@ -37,9 +37,9 @@ pub fn base64(bytes: &[u8]) -> String {
 /// Base64 of a text compressed by DEFLATE (RFC 1951); `Numbers.inflated` of the page reads it.
 pub fn deflated(text: &str) -> String {
     let mut encoder = DeflateEncoder::new(Vec::new(), Compression::best());
-    // a vector takes everything
+    // none: a vector takes everything
     let written = encoder.write_all(text.as_bytes()).and_then(|()| encoder.finish());
-    base64(&written.unwrap_or_default())
+    base64(&written.ok().unwrap_or_default())
 }
 
 /// One number with six significant digits; null if it is not finite.
@@ -47,7 +47,7 @@ pub fn number(value: f64) -> Value {
     if !value.is_finite() {
         return Value::Null;
     }
-    format!("{value:.5e}").parse::<f64>().map_or(Value::Null, |v| json!(v))
+    format!("{value:.5e}").parse::<f64>().ok().map_or(Value::Null, |v| json!(v))
 }
 
 /// A list of numbers in single precision (seven digits).

@@ -16,7 +16,7 @@ fn session(c: &mut Criterion) {
     let again = |force: bool| {
         let Ok(session) = SubjectSession::open(&pipeline, &overrides) else { return 0 };
         let selection = Selection { force, ..Selection::default() };
-        run(&session, &selection, &Silent).map_or(0, |report| report.ran())
+        run(&session, &selection, &Silent).ok().map_or(0, |report| report.ran())
     };
     if again(true) == 0 {
         return;

@@ -84,7 +84,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             let ik = session.ik_of(Some(entry));
             let (_, motion, ..) = track(ik, results, subject.clone(), &entry.name).map_err(|e| e.problem)?;
             let filtered = again(&motion);
-            let calendar = || Ok(std::sync::Arc::new(Calendar::of(&session, &ws)));
+            let calendar = || Ok(std::sync::Arc::new(Calendar::of(&session, &ws)?));
             let rows =
                 TrialRows::of(results, Some(&params.filter), &calendar, &entry.name, subject.clone(), motion, filtered)
                     .map_err(|e| e.problem)?;

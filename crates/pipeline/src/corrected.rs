@@ -23,6 +23,7 @@ pub fn refuse_unknown_plates(sessions: &[&SubjectSession]) -> Result<(), Pipelin
             return Ok(());
         }
         // a recording that cannot be read is reported by its import
+        // none: its import reports a recording that cannot be read
         if let Ok(recording) =
             read_recording(session.import_of(Some(trial)), &session.names_of_person(Some(trial)), &Recording::of(trial))
         {

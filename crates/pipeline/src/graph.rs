@@ -402,6 +402,7 @@ pub fn inputs(
                         let key = std::iter::once(format!("file {name}")).chain(again);
                         // the stage that reads it says why it cannot; once it can be read again,
                         // the hash differs and the stage runs
+                        // none: the stage that reads it says why it cannot
                         let hash = workspace.input_hash(path).unwrap_or_else(|_| UNREADABLE.to_owned());
                         if let Some(key) = key.into_iter().find(|k| !out.hashes.contains_key(k)) {
                             out.hashes.insert(key, hash);

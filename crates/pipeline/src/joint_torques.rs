@@ -15,7 +15,7 @@ use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_compare::PoseErrors;
 use aloft_effects::{EffectInstance, Scene};
 use aloft_identify::LinkPrior;
-use aloft_regressor::{Factor, Stretch, StretchKind};
+use aloft_regressor::{Factor, RegressorError, Stretch, StretchKind};
 use aloft_robot::joint_evidence::{
     BodyEvidence, JointEvidence, JointFlight, JointFolds, ReducedFold, WINDOW_S, floor_of_draws, moving,
 };
@@ -25,6 +25,7 @@ use aloft_study::calendar::Calendar;
 use aloft_study::config::Rows;
 use aloft_study::effects::{KnownEffects, ModelEffects};
 use aloft_study::robot::RobotSetup;
+use aloft_workspace::disk::is_there;
 use aloft_workspace::error::StageFailure;
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -89,10 +90,13 @@ impl<'a> JointTorques<'a> {
         effects: &ModelEffects,
         calendar: &(dyn Fn() -> Result<Arc<Calendar>, StageFailure> + Sync),
     ) -> Result<Option<Self>, StageFailure> {
-        let has_rows = |name: &&String| {
-            results.place("regressor", name).is_ok_and(|place| place.join(format!("{TORQUE}.json")).is_file())
-        };
-        let names: Vec<&String> = names.iter().filter(has_rows).collect();
+        let mut with_rows: Vec<&String> = Vec::new();
+        for name in names {
+            if is_there(&results.place("regressor", name)?.join(format!("{TORQUE}.json")))? {
+                with_rows.push(name);
+            }
+        }
+        let names = with_rows;
         let Some(parameters) = results.load_parameters(Rows::Weak)?.filter(|_| !names.is_empty()) else {
             return Ok(None);
         };
@@ -126,7 +130,8 @@ impl<'a> JointTorques<'a> {
             })
             .collect();
         let mut out = Self { robot, scene, base, body, recorded, flights: Vec::new(), sensor_sd };
-        out.flights = out.recorded.iter().flat_map(|r| out.formed(r, &r.motion, &r.torques)).flatten().collect();
+        let each = out.recorded.iter().map(|r| out.formed(r, &r.motion, &r.torques));
+        out.flights = each.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
         Ok((!out.flights.is_empty()).then_some(out))
     }
 
@@ -141,17 +146,21 @@ impl<'a> JointTorques<'a> {
 
     /// Rows of each flight of a recording with a motion and torques; none for flights that are too
     /// short.
-    fn formed(&self, of: &Recorded, motion: &Motion, torques: &[Vec<f64>]) -> Vec<Option<JointFlight>> {
+    fn formed(&self, of: &Recorded, motion: &Motion, torques: &[Vec<f64>]) -> Result<Vec<JointFlight>, StageFailure> {
         let torques = Torques { values: torques, sd_nm: self.robot.description.noise.torque_nm, white_nm: &[] };
-        of.stretches
-            .iter()
-            .map(|stretch| {
-                let source = TorqueSource { scene: &self.scene, motion, stretch, torques };
-                let rows = TorqueRows::of(&self.robot.model, source, WINDOW_S).ok()?;
-                let (trial, flight, carried) = (stretch.trial.clone(), stretch.index, of.carried.clone());
-                Some(JointFlight { trial, flight, moving: moving(&rows), rows, carried })
-            })
-            .collect()
+        let mut out = Vec::new();
+        for stretch in &of.stretches {
+            let source = TorqueSource { scene: &self.scene, motion, stretch, torques };
+            match TorqueRows::of(&self.robot.model, source, WINDOW_S) {
+                Ok(rows) => {
+                    let (trial, flight, carried) = (stretch.trial.clone(), stretch.index, of.carried.clone());
+                    out.push(JointFlight { trial, flight, moving: moving(&rows), rows, carried });
+                }
+                Err(RegressorError::TooShort { .. }) => {}
+                Err(e) => return Err(StageFailure::new(e.to_string())),
+            }
+        }
+        Ok(out)
     }
 
     /// Name of each joint, the link that it carries, and the unit of its torque.
@@ -191,20 +200,26 @@ impl<'a> JointTorques<'a> {
     }
 
     /// What each joint's rows leave with the laws of a model, and what a perfect model would leave.
-    pub fn errors(&self, laws: &[EffectInstance<'_>]) -> Vec<Option<JointError>> {
+    ///
+    /// # Errors
+    /// Rows with drawn errors cannot be formed.
+    pub fn errors(&self, laws: &[EffectInstance<'_>]) -> Result<Vec<Option<JointError>>, StageFailure> {
         self.errors_of(&|_| true, laws)
     }
 
     /// The same of one joint.
-    pub fn error(&self, joint: usize, laws: &[EffectInstance<'_>]) -> Option<JointError> {
-        self.errors_of(&|j| j == joint, laws).into_iter().nth(joint).flatten()
+    ///
+    /// # Errors
+    /// As [`Self::errors`].
+    pub fn error(&self, joint: usize, laws: &[EffectInstance<'_>]) -> Result<Option<JointError>, StageFailure> {
+        Ok(self.errors_of(&|j| j == joint, laws)?.into_iter().nth(joint).flatten())
     }
 
     fn errors_of(
         &self,
         wanted: &(dyn Fn(usize) -> bool + Sync),
         laws: &[EffectInstance<'_>],
-    ) -> Vec<Option<JointError>> {
+    ) -> Result<Vec<Option<JointError>>, StageFailure> {
         let n = self.sensor_sd.len();
         let found: Vec<Option<Fitted>> = (0..n)
             .into_par_iter()
@@ -222,9 +237,10 @@ impl<'a> JointTorques<'a> {
             .collect();
         let jobs: Vec<(usize, u64)> = (0..DRAWS).flat_map(|d| (0..self.recorded.len()).map(move |r| (r, d))).collect();
         // squares and rows of each joint in each draw of each recording
-        let drawn: Vec<Vec<(f64, usize)>> = jobs.par_iter().map(|(r, d)| self.drawn(*r, *d, laws, &found)).collect();
+        let drawn: Vec<Vec<(f64, usize)>> =
+            jobs.par_iter().map(|(r, d)| self.drawn(*r, *d, laws, &found)).collect::<Result<_, _>>()?;
         let known = self.recorded.iter().all(|r| r.errors.is_some());
-        (0..n)
+        let errors = (0..n)
             .map(|j| {
                 let fitted = found[j].as_ref()?;
                 let of_draw = |d: u64| {
@@ -235,7 +251,8 @@ impl<'a> JointTorques<'a> {
                 let floor = floor_of_draws(&draws).filter(|_| known);
                 Some(JointError { held_out: fitted.held_out, floor, rows: fitted.rows })
             })
-            .collect()
+            .collect();
+        Ok(errors)
     }
 
     /// The laws that act on one joint.
@@ -252,16 +269,16 @@ impl<'a> JointTorques<'a> {
         draw: u64,
         laws: &[EffectInstance<'_>],
         found: &[Option<Fitted>],
-    ) -> Vec<(f64, usize)> {
+    ) -> Result<Vec<(f64, usize)>, StageFailure> {
         let mut out = vec![(0.0, 0); found.len()];
         let of = &self.recorded[recording];
-        let Some(errors) = &of.errors else { return out };
+        let Some(errors) = &of.errors else { return Ok(out) };
         let wanted = |f: usize| of.stretches.iter().any(|s| (s.first_frame..s.end_frame).contains(&f));
         let motion = errors.draw(&of.motion, &wanted, SEED, draw);
         let torques = noisy_torques(&of.torques, &self.sensor_sd, &of.motion.trial, SEED, draw);
         // where friction stands among the unknowns
         let friction = self.body.unknowns() + 2;
-        for mut flight in self.formed(of, &motion, &torques).into_iter().flatten() {
+        for mut flight in self.formed(of, &motion, &torques)? {
             let same = |f: &JointFlight| f.trial == flight.trial && f.flight == flight.flight;
             let Some(at) = self.flights.iter().position(same) else { continue };
             flight.moving.clone_from(&self.flights[at].moving);
@@ -272,7 +289,7 @@ impl<'a> JointTorques<'a> {
                 out[j].1 += changed.len();
             }
         }
-        out
+        Ok(out)
     }
 }
 

@@ -29,6 +29,13 @@ fn most<T: DeserializeOwned>(manifests: &[(String, Manifest)], key: &str) -> Opt
         }
     }
     let (_, value) = count.into_values().max_by_key(|(n, _)| *n)?;
+    read(value)
+}
+
+/// A setting as a manifest states it. Present settings can always be read: one that cannot is of
+/// another version, its result differs from the present one and is stale.
+fn read<T: DeserializeOwned>(value: &Value) -> Option<T> {
+    // none: such a result is stale, and every command says so
     serde_json::from_value(value.clone()).ok()
 }
 
@@ -75,7 +82,7 @@ pub fn as_made(session: &SubjectSession) -> SubjectSession {
     put(&mut config.regressor.weighting, most(&regressor, "weighting"));
     put(&mut config.regressor.slow_noise, most(&regressor, "slow_noise"));
     if let Some(effects) = most(&regressor, "effects") {
-        out.effects = effects_of(&effects);
+        put(&mut out.effects, effects_of(&effects));
     }
     let identify = of("identify");
     put(&mut config.identify, most(&identify, "identify"));
@@ -85,22 +92,22 @@ pub fn as_made(session: &SubjectSession) -> SubjectSession {
         let Some(own) = &mut trial.settings else { continue };
         let of = |stage: &str| ws.manifest(stage, &trial.name).filter(Manifest::is_ok);
         let value = |stage: &str| of(stage)?.parameters.get(stage).cloned();
-        put(&mut own.import, value("import").and_then(|v| serde_json::from_value(v).ok()));
-        put(&mut own.ik, value("ik").and_then(|v| serde_json::from_value(v).ok()));
-        put(&mut own.flight, value("flight").and_then(|v| serde_json::from_value(v).ok()));
+        put(&mut own.import, value("import").and_then(|v| read(&v)));
+        put(&mut own.ik, value("ik").and_then(|v| read(&v)));
+        put(&mut own.flight, value("flight").and_then(|v| read(&v)));
     }
     out
 }
 
-/// Effects of a model as stored in a manifest.
-pub fn effects_of(parameters: &Value) -> Vec<ModelEffect> {
-    parameters.get("model").and_then(|m| serde_json::from_value(m.clone()).ok()).unwrap_or_default()
+/// Effects of a model as stored in a manifest; none if they cannot be read.
+fn effects_of(parameters: &Value) -> Option<Vec<ModelEffect>> {
+    parameters.get("model").map_or(Some(Vec::new()), read)
 }
 
 /// Effects with which the comparison's parameters were identified; none if nothing was compared.
 pub fn compared_effects(ws: &Workspace) -> Option<Vec<ModelEffect>> {
     let m = ws.manifest("compare", WHOLE_STUDY).filter(Manifest::is_ok)?;
-    Some(effects_of(m.parameters.get("effects")?))
+    effects_of(m.parameters.get("effects")?)
 }
 
 /// Hash of the settings and recordings from which all results were made, without the effects of the

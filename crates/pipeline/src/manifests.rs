@@ -27,7 +27,8 @@ pub struct Manifests {
 /// Times of a session for the tasks that depend on them.
 #[derive(Debug)]
 pub(crate) struct Times {
-    calendar: Calendar,
+    /// None if they cannot be read.
+    calendar: Option<Calendar>,
     /// Whether the source of the times is part of a result: effects of the model grow over the
     /// session, and a remark says how the times were found.
     source_matters: bool,
@@ -37,18 +38,20 @@ pub(crate) struct Times {
 
 impl Times {
     fn of(session: &SubjectSession, workspace: &Workspace) -> Self {
-        let damaged = session.included().filter(|t| !workspace.damage(DATED, &t.name).is_empty());
-        Self {
-            calendar: Calendar::of(session, workspace),
-            source_matters: session.model_effects().recordings.is_some(),
-            damaged: damaged.map(|t| t.name.clone()).collect(),
+        // none: the imports that cannot be read are named as damaged
+        let calendar = Calendar::of(session, workspace).ok();
+        let whole = |t: &&TrialEntry| workspace.damage(DATED, &t.name).is_empty();
+        let mut damaged: Vec<String> = session.included().filter(|t| !whole(t)).map(|t| t.name.clone()).collect();
+        if calendar.is_none() && damaged.is_empty() {
+            damaged.extend(session.included().map(|t| t.name.clone()));
         }
+        Self { calendar, source_matters: session.model_effects().recordings.is_some(), damaged }
     }
 
     /// The calendar of one recording alone, and the text that stands for it among the inputs; none
     /// where nothing depends on it.
     pub(crate) fn of_trial(&self, trial: &str) -> Option<(Arc<Calendar>, String)> {
-        let own = self.calendar.only(trial)?;
+        let own = self.calendar.as_ref()?.only(trial)?;
         let mut key = format!("{} s", own.start_s(trial));
         if self.source_matters && own.source == SessionSource::OrderAndLengths {
             key = format!("{key}, from {}", own.words);
@@ -156,6 +159,7 @@ fn copies(alike: &[&TrialEntry], workspace: &Workspace) -> HashMap<String, Strin
     }
     let mut by_hash: HashMap<String, Vec<&TrialEntry>> = HashMap::new();
     for trial in moving {
+        // none: its import reports a recording that cannot be read
         let Ok(hash) = workspace.input_hash(&trial.file) else { continue };
         let same = by_hash.entry(hash).or_default();
         // one file may serve several trials

@@ -35,16 +35,19 @@ fn same(a: &Manifest, b: &Manifest) -> bool {
 /// Puts a result into a cache, in place of the one that is there. Nothing waits for the disk: what
 /// a crash leaves incomplete does not fit its hashes and is not used.
 fn store(from: &Path, into: &Workspace, stage: &str, trial: &str) -> Option<()> {
+    // none: what cannot be kept is computed again when it is asked for
     let scratch = into.scratch(stage, trial).ok()?;
     for file in std::fs::read_dir(from).ok()? {
         let file = file.ok()?;
         disk::link(&file.path(), &scratch.join(file.file_name())).ok()?;
     }
     let place = into.place(stage, trial);
+    // none: as above
     disk::create_dir_all(place.parent()?).ok()?;
     if place.exists() {
         disk::remove_dir_all(&place).ok()?;
     }
+    // none: as above
     disk::rename(&scratch, &place).ok()
 }
 
@@ -122,6 +125,7 @@ pub(crate) fn take(
         if !fits || !store.damage(stage.name, name).is_empty() {
             return None;
         }
+        // none: what cannot be taken over is computed
         let scratch = workspace.scratch(stage.name, name).ok()?;
         let from = store.place(stage.name, name);
         found.files.keys().try_for_each(|file| disk::link(&from.join(file), &scratch.join(file))).ok()?;
@@ -132,6 +136,7 @@ pub(crate) fn take(
             warnings: found.warnings.clone(),
             seconds: started.elapsed().as_secs_f64(),
         };
+        // none: as above
         Some((workspace.complete(scratch, found).ok()?, report))
     })
 }

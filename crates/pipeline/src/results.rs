@@ -78,6 +78,7 @@ impl<'a> Results<'a> {
 
     /// Manifest of a result; none if there is no such result.
     pub fn manifest(&self, stage: &str, trial: &str) -> Option<Manifest> {
+        // none: what a stage does not declare as an input is as if it were not there
         self.place(stage, trial).ok().and_then(|_| self.workspace.manifest(stage, trial))
     }
 
@@ -120,6 +121,7 @@ impl<'a> Results<'a> {
 
     /// The same; none if they are not among the inputs of the stage.
     pub fn load_tares_if_any(&self, trial: &str) -> Result<Option<Vec<PlateTare>>, StageFailure> {
+        // none: as for the manifest
         let Ok(place) = self.place("flight", trial) else { return Ok(None) };
         Ok(read_json_if_there(&place.join("tare.json"))?)
     }

@@ -92,10 +92,15 @@ pub struct BatchReport {
 impl BatchReport {
     /// Reports of the studies whose run could begin.
     pub fn reports(&self) -> impl Iterator<Item = (&SessionId, &RunReport)> {
+        // none: `runs` holds the reasons of the others
         self.runs.iter().filter_map(|r| r.report.as_ref().ok().map(|report| (&r.id, report)))
     }
     /// True if some task failed or could not run, or some study could not begin.
     pub fn has_trouble(&self) -> bool {
-        self.runs.iter().any(|r| r.report.as_ref().map_or(true, RunReport::has_trouble))
+        // none: an error is trouble
+        self.runs.iter().any(|r| match &r.report {
+            Ok(report) => report.has_trouble(),
+            Err(_) => true,
+        })
     }
 }

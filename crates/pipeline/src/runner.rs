@@ -138,6 +138,7 @@ pub fn run_all(set: &DataSet, selection: &Selection, progress: &dyn Progress) ->
             id: session.id.clone(),
             report: slot
                 .into_inner()
+                // none: a slot whose worker ended early is reported as such below
                 .ok()
                 .flatten()
                 .unwrap_or_else(|| Err(PipelineError::request("the run ended before this study was reached"))),

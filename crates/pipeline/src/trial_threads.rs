@@ -22,6 +22,7 @@ impl TrialThreads {
     pub fn new(studies: usize) -> Self {
         let threads = rayon::current_num_threads();
         let pools: Vec<ThreadPool> =
+            // none: fewer threads give the same results
             (0..threads).filter_map(|_| ThreadPoolBuilder::new().num_threads(1).build().ok()).collect();
         Self { threads: pools.len(), free: Mutex::new(pools), freed: Condvar::new(), studies: studies.max(1) }
     }

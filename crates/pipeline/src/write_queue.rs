@@ -45,6 +45,7 @@ pub(crate) fn run_tasks(
     let place = move || {
         let mut out = Vec::new();
         // the loop ends when every sender is dropped
+        // none: the end of the queue
         while let Ok(first) = handed.recv() {
             let batch = std::iter::once(first).chain(handed.try_iter().take(at_once - 1));
             let (batch, reports): (Vec<Complete>, Vec<TaskReport>) = batch.unzip();

@@ -73,6 +73,7 @@ impl NativeTable {
     /// is `text` if it cannot be an array.
     fn texts(&self, name: &str) -> PyResult<Option<Vec<Option<String>>>> {
         let column = self.column(name)?;
+        // none: a column of another kind
         let Ok(text) = column.str() else { return Ok(None) };
         Ok(Some(text.iter().map(|v| v.map(str::to_owned)).collect()))
     }

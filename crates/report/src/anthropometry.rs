@@ -7,7 +7,8 @@ use aloft_identify::{LinkEstimate, Parameters, half_of};
 use aloft_page::{Block, Dots, Figure, Section, Words};
 use aloft_scale::{Anthropometry, StaticAnatomy, attach_prior};
 use aloft_study::catalog;
-use aloft_workspace::json::read_json;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use std::path::Path;
 
@@ -15,11 +16,14 @@ use std::path::Path;
 const TABLES: [(&str, &str); 3] = [("de_leva", "de Leva"), ("dumas", "Dumas"), ("winter", "Winter")];
 
 /// The section; none without links.
-pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
+///
+/// # Errors
+/// The anatomy of the body is there and cannot be read.
+pub fn section(story: &Story<'_>, p: &Parameters) -> Result<Option<Section>, PipelineError> {
     if p.links.is_empty() {
-        return None;
+        return Ok(None);
     }
-    let tables = tables(story);
+    let tables = tables(story)?;
     let names: Vec<String> = p.links.iter().map(|l| l.name.replace('_', " ")).collect();
     let person = !tables.is_empty();
     let figure = |words: Words<'_>,
@@ -83,29 +87,30 @@ pub fn section(story: &Story<'_>, p: &Parameters) -> Option<Section> {
     } else {
         "For an object, `tables` stands for what its description says."
     };
-    Some(Section::new(
+    Ok(Some(Section::new(
         "segments-identified",
         if person { "Segments against the tables" } else { "Links against the description" },
         lead,
         blocks,
-    ))
+    )))
 }
 
 /// Inertias of the links by each table, for this person's geometry; empty for objects.
-fn tables(story: &Story<'_>) -> Vec<(String, Vec<LinkInertia>)> {
-    let Some(subject) = story.subject.as_ref().filter(|_| !story.session.is_rigid()) else { return Vec::new() };
-    let Ok(anatomy) = read_json::<StaticAnatomy>(&story.ws.place("scale", WHOLE_STUDY).join("anatomy.json")) else {
-        return Vec::new();
-    };
+fn tables(story: &Story<'_>) -> Result<Vec<(String, Vec<LinkInertia>)>, PipelineError> {
+    let anatomy = read_json_if_there(&story.ws.place("scale", WHOLE_STUDY).join("anatomy.json"))?;
+    let subject = story.subject.as_ref().filter(|_| !story.session.is_rigid());
+    let (Some(subject), Some(anatomy)) = (subject, anatomy) else { return Ok(Vec::new()) };
+    let anatomy: StaticAnatomy = anatomy;
     let own = &story.session.anthropometry;
     let used = TABLES.iter().find(|(name, _)| *name == own.name).map_or(own.title.as_str(), |t| t.1);
     let mut out = vec![(format!("{used} (in use)"), subject.prior.clone())];
     for (name, title) in TABLES.iter().filter(|(name, _)| *name != own.name) {
-        let Ok(table) = catalog::load::<Anthropometry>("anthropometry", name, Path::new(".")) else { continue };
+        let table = catalog::load::<Anthropometry>("anthropometry", name, Path::new("."))?;
         let mut other: Subject = subject.clone();
+        // none: a table that lacks a segment of this body is not compared
         if attach_prior(&mut other, &table, &anatomy).is_ok() {
             out.push(((*title).to_owned(), other.prior));
         }
     }
-    out
+    Ok(out)
 }

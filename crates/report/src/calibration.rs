@@ -3,7 +3,8 @@
 use super::story::Story;
 use super::wording::{card, number};
 use aloft_page::{Block, Dots, Figure, Light, Section, Table, Words};
-use aloft_workspace::json::read_json;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use serde::Deserialize;
 
@@ -38,8 +39,19 @@ fn mm(m: Option<f64>) -> f64 {
 }
 
 /// The section; none for objects, or if nothing was calibrated.
-pub fn section(story: &Story<'_>) -> Option<Section> {
-    let r: Report = read_json(&story.ws.place("calibrate", WHOLE_STUDY).join("report.json")).ok()?;
+///
+/// # Errors
+/// The report of the calibration is there and cannot be read.
+pub fn section(story: &Story<'_>) -> Result<Option<Section>, PipelineError> {
+    // objects and models of OpenSim have a report of another form, which is not shown
+    if story.session.is_rigid() || story.session.osim.is_some() {
+        return Ok(None);
+    }
+    let report = read_json_if_there(&story.ws.place("calibrate", WHOLE_STUDY).join("report.json"))?;
+    Ok(report.and_then(|r| of(story, &r)))
+}
+
+fn of(story: &Story<'_>, r: &Report) -> Option<Section> {
     let used = story
         .ws
         .manifest("calibrate", WHOLE_STUDY)

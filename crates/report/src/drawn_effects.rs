@@ -80,10 +80,13 @@ pub fn drawn(
         return out;
     }
     let scene = Scene::new(&subject.model, &subject.prior_phi(), plates);
-    let Ok(known) = KnownEffects::of(&story.session.own_effects, &scene) else { return out };
+    let without = || Drawn { unplaced: effects.iter().map(|v| v.effect.key.clone()).collect(), ..Drawn::default() };
+    // none: the figure names the effects that it cannot show
+    let Ok(known) = KnownEffects::of(&story.session.own_effects, &scene) else { return without() };
     let spans = spans(motion.n_frames(), flights);
     let trial = TrialMotion { motion, spans: &spans, plates: &[], session_time_s: 0.0 };
-    let Ok(series) = Series::new(&scene, &trial) else { return out };
+    // none: as above
+    let Ok(series) = Series::new(&scene, &trial) else { return without() };
     out.total_n = vec![Vector3::repeat(f64::NAN); motion.n_frames()];
     series.motion_frames().iter().for_each(|f| out.total_n[*f] = Vector3::zeros());
     for valued in effects.iter().filter(|v| v.effect.trials.is_empty() || v.effect.trials.contains(&motion.trial)) {
@@ -99,6 +102,7 @@ pub fn drawn(
 /// The effect bound to the scene. A nonlinear parameter that lies outside its bounds there, because
 /// the region of motion differs, is set as it is.
 fn choose<'k>(known: &'k KnownEffects, scene: &Scene, effect: &ModelEffect) -> Option<EffectInstance<'k>> {
+    // none: the figure names the effect as one that it cannot show
     let mut choice = EffectInstance::among(&effect.key, scene, &known.all()).ok()?;
     let parameters = choice.effect.nonlinear(scene, choice.target);
     for (k, p) in parameters.iter().enumerate() {
@@ -247,10 +251,12 @@ pub fn ghost(total_n: &[Vector3<f64>], flights: &[Flight], mass_kg: f64, rate_hz
 pub fn units(story: &Story<'_>) -> HashMap<String, String> {
     let Some(subject) = &story.subject else { return HashMap::new() };
     let scene = Scene::new(&subject.model, &subject.prior_phi(), &[]);
+    // none: an effect of an earlier revision may be gone; its numbers stand without a unit
     let Ok(known) = KnownEffects::of(&story.session.own_effects, &scene) else { return HashMap::new() };
     let keys = story.history.revisions.iter().flat_map(|r| &r.effects);
     let mut out = HashMap::new();
     for key in keys {
+        // none: as above
         let Ok(choice) = EffectInstance::among(key, &scene, &known.all()) else { continue };
         for c in choice.effect.coefficients(&scene, choice.target) {
             out.insert(format!("{key}.{}", c.name), c.unit);

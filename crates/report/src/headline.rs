@@ -6,7 +6,7 @@ use super::story::Story;
 use super::sureness::{how_sure, laws, missing, named, with_links};
 use super::wording::{count, number};
 use aloft_analysis::compare::ComparisonView;
-use aloft_analysis::next_step::{Because, NextStep, rivals, step};
+use aloft_analysis::next_step::{Because, Begin, NextStep, rivals_of, step};
 use aloft_analysis::parameters::ParametersView;
 use aloft_compare::{Comparison, GroupedBy, Reserve, growth};
 use aloft_discover::Verdict;
@@ -252,11 +252,12 @@ fn next(story: &Story<'_>) -> Fact {
         return with("Search for missing effects.", command(s, "status", None));
     };
     let held: Vec<&str> = effects(story).iter().map(String::as_str).collect();
-    let explanations = rivals(story.session, asked(story));
+    let explanations = rivals_of(story.session, asked(story), &story.checked, &story.offered);
     match step(view, answers(story, &explanations), &held) {
         NextStep::Run => with("Bring the results up to date.", command(s, "run", None)),
-        NextStep::Correct { what, offered } => {
-            let verb = if offered { "check" } else { "run" };
+        NextStep::Correct { what, begin } => {
+            // this is the report; what it shows changes the pipeline, and then the results
+            let verb = if begin == Begin::Check { "check" } else { "run" };
             with(&sentence_of(&what), command(s, verb, None))
         }
         NextStep::Discover { record: None } => with("Run `discover`.", command(s, "discover", None)),

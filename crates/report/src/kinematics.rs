@@ -4,9 +4,13 @@
 use super::story::Story;
 use super::{STUDY, calibration, filtering, flights, lights};
 use aloft_page::{Block, Chapter, Columns, Figure, HeatMap, Light, Section, Words};
+use aloft_workspace::error::PipelineError;
 
 /// The chapter.
-pub fn chapter(story: &Story<'_>) -> Chapter {
+///
+/// # Errors
+/// A result is there and cannot be read.
+pub fn chapter(story: &Story<'_>) -> Result<Chapter, PipelineError> {
     let rms: Vec<f64> = story.dynamic().filter_map(|t| t.kinematics.as_ref()?.marker_rms_mm).collect();
     // a signal only where something is wrong: small marker errors say nothing about the model
     let light = match lights::marker_rms(rms.iter().sum::<f64>() / rms.len() as f64) {
@@ -15,21 +19,21 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
     };
     let mut sections = Vec::new();
     sections.extend(markers(story));
-    sections.extend(calibration::section(story));
+    sections.extend(calibration::section(story)?);
     sections.extend(flights::section(story));
     sections.extend(filtering::section(story));
     if sections.is_empty() {
         let text = "Inverse kinematics has no results.";
         sections.push(Section::new("markers", "Markers", "", vec![Block::remark(Light::Poor, text)]));
     }
-    Chapter {
+    Ok(Chapter {
         id: "kinematics".into(),
         title: "Kinematics".into(),
         group: STUDY.into(),
         light,
         word: String::new(),
         sections,
-    }
+    })
 }
 
 /// Error of each marker in each recording.

@@ -113,15 +113,15 @@ pub fn write_group(
 fn page(now: &SubjectSession, switches: bool) -> Result<(Page, Offered), PipelineError> {
     let session = &aloft_pipeline::made::as_made(now);
     let story = Story::read(session, now)?;
-    let mut chapters = vec![overview::chapter(&story)];
+    let mut chapters = vec![overview::chapter(&story)?];
     chapters.extend(prediction::chapter(&story));
     chapters.push(discovery::chapter(&story));
-    chapters.extend(parameters::chapter(&story));
-    chapters.push(kinematics::chapter(&story));
+    chapters.extend(parameters::chapter(&story)?);
+    chapters.push(kinematics::chapter(&story)?);
     chapters.push(methods::chapter(&story)?);
     let shown: Vec<_> = story.trials.iter().filter(|t| t.entry.role.is_dynamic() || !t.failures.is_empty()).collect();
-    let recordings: Vec<Chapter> = shown.par_iter().map(|t| trial::chapter(&story, t)).collect();
-    chapters.extend(recordings);
+    let recordings: Result<Vec<Chapter>, PipelineError> = shown.par_iter().map(|t| trial::chapter(&story, t)).collect();
+    chapters.extend(recordings?);
     let person = &session.facts.person;
     // those identified from, or else those found
     let found = || story.dynamic().filter_map(TrialStory::n_flights).sum::<usize>();

@@ -8,25 +8,28 @@ use super::wording::{at_words, card, maybe, number};
 use super::{STUDY, ladder, lights, player, residuals, series, session};
 use aloft_analysis::freshness::Freshness;
 use aloft_page::{Block, Card, Cell, Chapter, Light, Section, Table};
+use aloft_workspace::error::PipelineError;
 
 /// What people wrote about the study, one paragraph for each empty line.
 fn notes(story: &Story<'_>) -> Option<Section> {
-    let text = aloft_analysis::notes::read(story.session).ok()?;
-    let paragraphs = text.split("\n\n").map(str::trim).filter(|p| !p.is_empty());
+    let paragraphs = story.notes.split("\n\n").map(str::trim).filter(|p| !p.is_empty());
     let blocks: Vec<Block> = paragraphs.map(Block::text).collect();
     (!blocks.is_empty()).then(|| Section::new("notes", "Notes", "Kept with the results.", blocks))
 }
 
 /// The first chapter: the headline with the ladder and the player, what remains, then the quality
 /// of the recordings.
-pub fn chapter(story: &Story<'_>) -> Chapter {
+///
+/// # Errors
+/// A recording that was imported cannot be read.
+pub fn chapter(story: &Story<'_>) -> Result<Chapter, PipelineError> {
     let mut left: Vec<Block> = vec![headline(story).into()];
     left.extend(ladder::picture(story).map(Block::from));
     let place = errors_by_place(story).first().map(|s| s.place.clone());
     let view = story.comparison.as_ref();
     left.extend(view.zip(place).and_then(|(v, place)| residuals::remains(&v.comparison, &place)).map(Block::from));
     let example = example(story);
-    let player = example.and_then(|t| player::figure(story, t));
+    let player = example.map_or(Ok(None), |t| player::figure(story, t))?;
     let mut first = banner(&story.freshness);
     match player {
         Some(figure) => first.push(Block::Beside { left, right: vec![figure.into()] }),
@@ -59,7 +62,8 @@ pub fn chapter(story: &Story<'_>) -> Chapter {
         vec![recordings(story).into()],
     ));
     let (light, word) = place_errors::standing(story);
-    Chapter { id: "overview".into(), title: "Overview".into(), group: STUDY.into(), light, word, sections }
+    let group = STUDY.into();
+    Ok(Chapter { id: "overview".into(), title: "Overview".into(), group, light, word, sections })
 }
 
 /// The recording shown on the first screen: the one on which the model errs most where it is

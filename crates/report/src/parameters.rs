@@ -7,26 +7,31 @@ use super::story::Story;
 use super::wording::{card, maybe, number, plus_minus, three};
 use aloft_identify::{BaseEstimate, EffectEstimate, Origin, Parameters, half_of};
 use aloft_page::{Block, Chapter, Dots, Figure, Light, Section, Table, Words};
+use aloft_workspace::error::PipelineError;
 
 /// The chapter; none if nothing was identified.
-pub fn chapter(story: &Story<'_>) -> Option<Chapter> {
-    let p = &story.found.as_ref()?.parameters;
+///
+/// # Errors
+/// The anatomy of the body is there and cannot be read.
+pub fn chapter(story: &Story<'_>) -> Result<Option<Chapter>, PipelineError> {
+    let Some(found) = &story.found else { return Ok(None) };
+    let p = &found.parameters;
     let light = match (p.gate.passed, p.gate.reasons.is_empty()) {
         (true, true) => Light::Good,
         (true, false) => Light::Fair,
         (false, _) => Light::Poor,
     };
     let mut sections = vec![trust(p)];
-    sections.extend(anthropometry::section(story, p));
+    sections.extend(anthropometry::section(story, p)?);
     sections.push(base(p));
-    Some(Chapter {
+    Ok(Some(Chapter {
         id: "parameters".into(),
         title: "Identified parameters".into(),
         group: STUDY.into(),
         light,
         word: String::new(),
         sections,
-    })
+    }))
 }
 
 /// How far the numbers can be trusted.

@@ -10,7 +10,9 @@ use aloft_page::{Animation, ArrowOf, Arrows, Figure, PointOn, Segment, Words};
 use aloft_regressor::weak_windows::force_scale_n;
 use aloft_trial::Trial;
 use aloft_workspace::artifact::load_trial;
-use aloft_workspace::json::read_json;
+use aloft_workspace::disk::is_there;
+use aloft_workspace::error::PipelineError;
+use aloft_workspace::json::read_json_if_there;
 use nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion, Vector3};
 use std::ops::Range;
 
@@ -25,13 +27,32 @@ const LOADED_N: f64 = 20.0;
 /// Longest arrow of a typical force in flight, as a share of the body's reach.
 const ARROW_SHARE: f64 = 0.5;
 
-/// The player; none if the motion was not solved.
-pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
-    let (subject, motion) = (story.subject.as_ref()?, t.motion.as_ref()?);
-    let mut trial = load_trial(&story.ws.place("import", &t.entry.name)).ok()?;
-    if let Ok(tares) = read_json::<Vec<PlateTare>>(&story.ws.place("flight", &t.entry.name).join("tare.json")) {
+/// The player; none if the motion was not solved, and for the log of a robot.
+///
+/// # Errors
+/// The recording was imported and cannot be read.
+pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Result<Option<Figure>, PipelineError> {
+    let place = story.ws.place("import", &t.entry.name);
+    let (Some(subject), Some(motion)) = (&story.subject, &t.motion) else { return Ok(None) };
+    if !is_there(&place.join("trial.json"))? {
+        return Ok(None);
+    }
+    let mut trial = load_trial(&place)?;
+    let tares: Option<Vec<PlateTare>> = read_json_if_there(&story.ws.place("flight", &t.entry.name).join("tare.json"))?;
+    if let Some(tares) = tares {
         apply_tare(&mut trial, &tares);
     }
+    Ok(animation(story, t, subject, motion, &trial))
+}
+
+/// The player with a recording whose plates are tared; none without a frame to show.
+fn animation(
+    story: &Story<'_>,
+    t: &TrialStory<'_>,
+    subject: &Subject,
+    motion: &Motion,
+    trial: &Trial,
+) -> Option<Figure> {
     let flights: &[Flight] = t.flights.as_ref().map_or(&[], |r| &r.flights);
     let corners = |p: &aloft_trial::Plate| p.corners_m.iter().map(|c| <[f64; 3]>::from(*c)).collect::<Vec<_>>();
     let plates: Vec<Vec<[f64; 3]>> = trial.plates.iter().map(corners).filter(|c| c.len() == 4).collect();
@@ -88,7 +109,7 @@ pub fn figure(story: &Story<'_>, t: &TrialStory<'_>) -> Option<Figure> {
         // both forces at one point: the centre of pressure, or the centre of mass where nothing
         // presses
         let turned = &state.world_from_link[0].rotation;
-        let at = pressure(&trial, f as f64 / motion.rate_hz).unwrap_or(com);
+        let at = pressure(trial, f as f64 / motion.rate_hz).unwrap_or(com);
         let arrow =
             |force: Option<Vector3<f64>>| force.map_or([[f64::NAN; 3]; 2], |v| [at.into(), (turned * v).into()]);
         let own = forces.measured(f, turned).filter(|v| v.norm() > 1e-9);

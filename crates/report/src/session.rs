@@ -3,14 +3,14 @@
 use super::headline::sentence_of;
 use super::place_errors::asked;
 use super::story::Story;
-use aloft_analysis::corrections::{offers, to_yaml};
+use aloft_analysis::corrections::to_yaml;
 use aloft_analysis::explanations::{explanations, in_words};
-use aloft_analysis::session_check::{LineStatus, session_check};
+use aloft_analysis::session_check::LineStatus;
 use aloft_page::{Block, Cell, Light, Section, Table};
 
 /// The section of the first chapter; none before a run.
 pub fn section(story: &Story<'_>) -> Option<Section> {
-    let checked = session_check(story.session);
+    let checked = &story.checked;
     if checked.lines.is_empty() {
         return None;
     }
@@ -36,16 +36,16 @@ pub fn section(story: &Story<'_>) -> Option<Section> {
     let caption =
         "From the recordings alone; no identified model is used. Lines without an interval are plain readings.";
     let mut blocks = vec![Table::new("Session check", caption, &header, rows).into()];
-    let offered = offers(story.session, &checked);
+    let offered = &story.offered;
     if !offered.is_empty() {
         blocks.push(Block::text(
             "These measurements offer corrections. Nothing is corrected unless the pipeline says so; each is then a rung of the ladder. A force \
              that acts on the body in flight (a rope, a draught) changes mass, rate and vertical as measured here, too: `discover` ranks such \
              effects.",
         ));
-        blocks.push(Block::code(to_yaml(&offered)));
+        blocks.push(Block::code(to_yaml(offered)));
     }
-    if let Some(words) = in_words(&explanations(story.session, &checked, &offered, asked(story))) {
+    if let Some(words) = in_words(&explanations(story.session, checked, offered, asked(story))) {
         blocks.push(Block::text(sentence_of(&words)));
     }
     Some(Section::new("session", "Consistency of the recordings", "", blocks))
@@ -57,7 +57,7 @@ const SHOWN: usize = 3;
 /// What the recordings say that differs from what was expected, in a sentence; none where nothing
 /// does.
 pub fn brief(story: &Story<'_>) -> Option<String> {
-    let checked = session_check(story.session);
+    let checked = &story.checked;
     let differs: Vec<String> = checked
         .lines
         .iter()
@@ -74,8 +74,8 @@ pub fn brief(story: &Story<'_>) -> Option<String> {
         n => format!("; {n} more"),
     };
     let text = differs.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join("; ");
-    let offered = offers(story.session, &checked);
-    let why = in_words(&explanations(story.session, &checked, &offered, asked(story)));
+    let offered = &story.offered;
+    let why = in_words(&explanations(story.session, checked, offered, asked(story)));
     let why = why.map_or(String::new(), |words| format!(" {}", sentence_of(&words)));
     (!differs.is_empty()).then(|| sentence_of(&format!("{text}{more}")) + &why + " The session check below says more.")
 }

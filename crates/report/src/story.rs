@@ -2,11 +2,13 @@
 
 use aloft_analysis::answers::of_revisions;
 use aloft_analysis::compare::{ComparisonView, compare_if_made};
+use aloft_analysis::corrections::{Offer, offers};
 use aloft_analysis::discover::{Kept, looked_at};
 use aloft_analysis::freshness::{Freshness, freshness};
 use aloft_analysis::history::{History, history};
 use aloft_analysis::kinematics::{KinematicsRow, kinematics};
-use aloft_analysis::parameters::{ParametersView, parameters};
+use aloft_analysis::parameters::{ParametersView, parameters_if_made};
+use aloft_analysis::session_check::{SessionCheck, session_check};
 use aloft_analysis::summary::rows_of;
 use aloft_body::{Motion, Subject};
 use aloft_compare::Grade;
@@ -19,8 +21,9 @@ use aloft_study::commands::command;
 use aloft_study::revision::Revisions;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::load_motion;
+use aloft_workspace::disk::is_there;
 use aloft_workspace::error::{PipelineError, StageFailure};
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::{Manifest, Outcome, WHOLE_STUDY};
 use aloft_workspace::qc::QcReason;
 use aloft_workspace::seal;
@@ -29,6 +32,7 @@ use aloft_workspace::warning::StageWarning;
 use aloft_workspace::workspace::Workspace;
 use rayon::prelude::*;
 use std::collections::HashMap;
+use std::path::Path;
 
 /// A study as the page presents it. A result that does not exist is missing, never an error: the
 /// page states that.
@@ -52,6 +56,12 @@ pub struct Story<'a> {
     pub looked_at: String,
     /// Revisions of the model.
     pub history: History,
+    /// What the recordings say about themselves.
+    pub checked: SessionCheck,
+    /// The corrections that they offer.
+    pub offered: Vec<Offer>,
+    /// What people wrote about the study.
+    pub notes: String,
     /// Results that are not up to date.
     pub freshness: Freshness,
     /// Failures of study-wide stages.
@@ -120,15 +130,15 @@ impl<'a> Story<'a> {
             .trials
             .par_iter()
             .map(|entry| {
-                let mut trial = TrialStory::read(&ws, entry, &rows);
+                let mut trial = TrialStory::read(&ws, entry, &rows)?;
                 let own = summary.iter().find(|r| r.trial == entry.name);
                 trial.reasons = own.map_or_else(Vec::new, |r| r.reasons.clone());
                 if trial.failures.is_empty() {
                     trial.against_floor = comparison.as_ref().and_then(|v| against_floor(&v.comparison, &entry.name));
                 }
-                trial
+                Ok(trial)
             })
-            .collect();
+            .collect::<Result<_, PipelineError>>()?;
         let failures = STAGES
             .iter()
             .filter_map(|s| match ws.manifest(s.name, WHOLE_STUDY)?.outcome {
@@ -136,13 +146,17 @@ impl<'a> Story<'a> {
                 Outcome::Ok => None,
             })
             .collect();
+        let checked = session_check(session)?;
         Ok(Self {
             trials,
             failures,
             freshness,
-            subject: read_json(&ws.place("calibrate", WHOLE_STUDY).join("subject.json")).ok(),
+            subject: read_json_if_there(&ws.place("calibrate", WHOLE_STUDY).join("subject.json"))?,
             comparison,
-            found: parameters(session, None).ok(),
+            found: parameters_if_made(session)?,
+            offered: offers(session, &checked)?,
+            checked,
+            notes: aloft_analysis::notes::read(session)?,
             discoveries: discoveries(session)?,
             looked_at: looked_at(session),
             history: history(session)?,
@@ -196,7 +210,7 @@ fn discoveries(session: &SubjectSession) -> Result<Vec<(usize, Kept<Discovery>)>
 }
 
 impl<'a> TrialStory<'a> {
-    fn read(ws: &Workspace, entry: &'a TrialEntry, rows: &[KinematicsRow]) -> Self {
+    fn read(ws: &Workspace, entry: &'a TrialEntry, rows: &[KinematicsRow]) -> Result<Self, PipelineError> {
         let name = entry.name.as_str();
         let (mut failures, mut warnings) = (Vec::new(), Vec::new());
         for stage in STAGES {
@@ -209,20 +223,26 @@ impl<'a> TrialStory<'a> {
         let series = ws.place("compare", WHOLE_STUDY).join(format!("series_{name}.parquet"));
         // results of a recording that failed are from an earlier run: none of them is shown
         let whole = failures.is_empty();
-        Self {
+        let solved = ws.place("ik", name);
+        let has = |file: &Path| -> Result<bool, PipelineError> { Ok(whole && is_there(file)?) };
+        Ok(Self {
             entry,
             import: ws.manifest("import", name),
-            quality: read_json(&ws.place("import", name).join("quality.json")).ok(),
+            quality: read_json_if_there(&ws.place("import", name).join("quality.json"))?,
             kinematics: rows.iter().find(|k| whole && k.trial == name).cloned(),
-            motion: load_motion(&ws.place("ik", name)).ok().filter(|_| whole),
-            flights: read_json(&ws.place("flight", name).join("flights.json")).ok().filter(|_| whole),
-            analysis: read_json(&ws.place("filter", name).join("residual_analysis.json")).ok().filter(|_| whole),
-            series: Table::read(&series).ok().filter(|_| whole).map(Table::into_map),
+            motion: if has(&solved.join("motion.json"))? { Some(load_motion(&solved)?) } else { None },
+            flights: if whole { read_json_if_there(&ws.place("flight", name).join("flights.json"))? } else { None },
+            analysis: if whole {
+                read_json_if_there(&ws.place("filter", name).join("residual_analysis.json"))?
+            } else {
+                None
+            },
+            series: if has(&series)? { Some(Table::read(&series)?.into_map()) } else { None },
             failures,
             warnings,
             reasons: Vec::new(),
             against_floor: None,
-        }
+        })
     }
 
     /// Identifier of the chapter about this recording.

@@ -30,11 +30,11 @@ const MOST_NUMBERS: usize = 260_000;
 pub fn panel_state(session: &SubjectSession, switches: &[Switch]) -> Result<Value, PipelineError> {
     let session = session.refreshed()?;
     let fresh = freshness(&session)?;
-    let history = history(&session).ok();
-    let place = judged_place(latest(&session).as_ref(), history.as_ref().and_then(|h| h.revisions.last()));
+    let history = history(&session)?;
+    let place = judged_place(latest(&session)?.as_ref(), history.revisions.last());
     let rungs: Vec<Value> = history
+        .revisions
         .iter()
-        .flat_map(|h| &h.revisions)
         .map(|r| {
             json!({
                 "revision": r.revision, "action": r.action, "effects": r.effects, "errors": r.errors,
@@ -84,7 +84,7 @@ fn asked(session: &SubjectSession) -> Result<Value, PipelineError> {
         _ => d.words.clone(),
     };
     // asked of another model or of other results: its words are not about this one
-    let present = latest(session).is_some();
+    let present = latest(session)?.is_some();
     let words =
         if present { words } else { format!("`discover` was asked before the model or its results changed: {words}") };
     // what removes a part of the error and is not shown to be the cause is not found

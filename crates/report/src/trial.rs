@@ -4,12 +4,16 @@ use super::story::{Story, TrialStory};
 use super::wording::{anchor, card, maybe, number};
 use super::{RECORDINGS, lights, player, series};
 use aloft_page::{Block, Card, Chapter, Columns, Figure, HeatMap, Light, Section, Table, Words};
+use aloft_workspace::error::PipelineError;
 
 /// Number of columns in the map of marker errors over time.
 const COLUMNS: usize = 110;
 
 /// The chapter.
-pub fn chapter(story: &Story<'_>, t: &TrialStory<'_>) -> Chapter {
+///
+/// # Errors
+/// The recording was imported and cannot be read.
+pub fn chapter(story: &Story<'_>, t: &TrialStory<'_>) -> Result<Chapter, PipelineError> {
     let name = &t.entry.name;
     let id = |what: &str| anchor(what, name);
     let mut first = Vec::new();
@@ -39,7 +43,7 @@ pub fn chapter(story: &Story<'_>, t: &TrialStory<'_>) -> Chapter {
         (Some(left), Some(right)) => vec![Block::Beside { left: vec![left.into()], right: vec![right.into()] }],
         (left, right) => left.into_iter().chain(right).map(Block::from).collect(),
     };
-    let mut motion = beside(player::figure(story, t), series::wrench(story, t));
+    let mut motion = beside(player::figure(story, t)?, series::wrench(story, t));
     motion.extend(flights(story, t).map(Block::from));
     add("motion", "Motion, measured and predicted", motion);
     add("markers", "Markers over time", markers(t).into_iter().map(Block::from).collect());
@@ -47,14 +51,14 @@ pub fn chapter(story: &Story<'_>, t: &TrialStory<'_>) -> Chapter {
     if sections.len() > 1 {
         sections[..2].rotate_left(1);
     }
-    Chapter {
+    Ok(Chapter {
         id: t.anchor(),
         title: name.clone(),
         group: RECORDINGS.into(),
         light: lights::trial(t),
         word: String::new(),
         sections,
-    }
+    })
 }
 
 fn cards(story: &Story<'_>, t: &TrialStory<'_>) -> Vec<Card> {

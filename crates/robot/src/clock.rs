@@ -128,6 +128,7 @@ fn score(x: &[f64], y: &[f64], lag: i64) -> f64 {
     let least = (0.4 * x.len().min(y.len()) as f64) as usize;
     let (mut count, mut sx, mut sy, mut sxx, mut syy, mut sxy) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
     for (i, a) in x.iter().enumerate() {
+        // none: beyond the ends of the series there is nothing to compare
         let Some(b) = usize::try_from(i as i64 + lag).ok().and_then(|j| y.get(j)) else { continue };
         if a.is_nan() || b.is_nan() {
             continue;

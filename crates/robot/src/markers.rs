@@ -296,6 +296,7 @@ pub fn compare_links(
 ) -> (Vec<MarkerMiss>, Vec<String>) {
     let mut state = State::new(model);
     let mut misses: Vec<Vec<Vector3<f64>>> = vec![Vec::new(); others.len()];
+    // none: a marker on a link that the model does not have is compared with nothing
     let links: Vec<Option<usize>> = others.iter().map(|m| model.link_index(&m.place.link).ok()).collect();
     for (frame, time_s) in base.time_s.iter().enumerate() {
         let at = (time_s - offset_s - start_s) * motion.rate_hz;

@@ -36,6 +36,7 @@ impl<'a> Fields<'a> {
         Some(self.take(bytes)?.iter().rev().fold(0, |n, b| (n << 8) | u64::from(*b)))
     }
     fn text(&mut self) -> Option<String> {
+        // none: longer than memory: the caller names a record that is too short
         let n = usize::try_from(self.number(4)?).ok()?;
         String::from_utf8(self.take(n)?.to_vec()).ok()
     }
@@ -89,6 +90,7 @@ impl Reader {
         let mut rest = Fields(bytes);
         while !rest.0.is_empty() && !self.ended {
             let (Some(op), Some(length)) = (rest.number(1), rest.number(8)) else { return Ok(false) };
+            // none: a truncated file, which the caller names
             let Some(body) = usize::try_from(length).ok().and_then(|n| rest.take(n)) else { return Ok(false) };
             self.record(op, body).ok_or_else(|| format!("a record of type {op:#04x} is shorter than it states"))??;
         }
@@ -124,6 +126,7 @@ impl Reader {
                 let (_start, _end) = (fields.number(8)?, fields.number(8)?);
                 let (size, crc) = (fields.number(8)?, fields.number(4)?);
                 let compression = fields.text()?;
+                // none: as for text
                 let n = usize::try_from(fields.number(8)?).ok()?;
                 let packed = fields.take(n)?;
                 self.unpacked = self.unpacked.saturating_add(usize::try_from(size).unwrap_or(usize::MAX));

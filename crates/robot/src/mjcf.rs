@@ -72,9 +72,7 @@ impl Reader<'_, '_> {
 
     fn numbers(&self, node: Node<'_, '_>, name: &str, count: usize) -> Result<Option<Vec<f64>>, RobotError> {
         let Some(text) = node.attribute(name) else { return Ok(None) };
-        let found: Option<Vec<f64>> =
-            text.split_whitespace().map(|w| w.parse().ok().filter(|x: &f64| x.is_finite())).collect();
-        match found.filter(|f| f.len() == count) {
+        match finite_numbers(text).filter(|f| f.len() == count) {
             Some(found) => Ok(Some(found)),
             None => Err(self.at(node, format!("`{name}` is `{text}`, expected {count} numbers"))),
         }
@@ -205,14 +203,13 @@ impl Reader<'_, '_> {
             let attribute = |n: &str| self.joint_attribute(*joint, own_class, n);
             let vector = |n: &str, default: Vector3<f64>| -> Result<Vector3<f64>, RobotError> {
                 let Some(text) = attribute(n) else { return Ok(default) };
-                let v: Vec<f64> = text.split_whitespace().filter_map(|w| w.parse().ok()).collect();
-                match v.as_slice() {
-                    [x, y, z] => Ok(Vector3::new(*x, *y, *z)),
+                match finite_numbers(text).as_deref() {
+                    Some([x, y, z]) => Ok(Vector3::new(*x, *y, *z)),
                     _ => Err(self.at(*joint, format!("`{n}` is `{text}`, expected 3 numbers"))),
                 }
             };
             let number = |n: &str| -> Result<Option<f64>, RobotError> {
-                let first = |t: &str| t.split_whitespace().next().and_then(|w| w.parse().ok());
+                let first = |t: &str| finite_numbers(t)?.first().copied();
                 let Some(text) = attribute(n) else { return Ok(None) };
                 first(text).map(Some).ok_or_else(|| self.at(*joint, format!("`{n}` is `{text}`, expected a number")))
             };
@@ -232,13 +229,17 @@ impl Reader<'_, '_> {
             let back = Isometry3::translation(-moved.x, -moved.y, -moved.z);
             let massless = LinkInertia { mass_kg: 0.0, com_m: Vector3::zeros(), inertia_com_kgm2: Matrix3::zeros() };
             let carried = if last { inertia.transformed(&back) } else { massless };
-            let range: Option<(f64, f64)> = attribute("range").and_then(|text| {
-                let mut v = text.split_whitespace().filter_map(|w| w.parse::<f64>().ok());
-                Some((v.next()?, v.next()?))
-            });
+            let pair = |n: &str| -> Result<Option<(f64, f64)>, RobotError> {
+                let Some(text) = attribute(n) else { return Ok(None) };
+                match finite_numbers(text).as_deref() {
+                    Some([low, high]) => Ok(Some((*low, *high))),
+                    _ => Err(self.at(*joint, format!("`{n}` is `{text}`, expected 2 numbers"))),
+                }
+            };
+            let range = pair("range")?;
             let turn = |x: f64| if prismatic { x } else { self.angle(x) };
             let limits = range.filter(|(a, b)| b > a && attribute("limited") != Some("false"));
-            let effort = attribute("actuatorfrcrange").and_then(|t| t.split_whitespace().nth(1)?.parse().ok());
+            let effort = pair("actuatorfrcrange")?.map(|(_, most)| most);
             let description = RobotJoint {
                 name: joint_name,
                 link: own.clone(),
@@ -276,9 +277,9 @@ impl Reader<'_, '_> {
             let attribute = |n: &str| self.attribute("geom", geom, class, n);
             let list = |n: &str| -> Result<Option<Vec<f64>>, RobotError> {
                 let Some(text) = attribute(n) else { return Ok(None) };
-                let values: Option<Vec<f64>> =
-                    text.split_whitespace().map(|w| w.parse().ok().filter(|x: &f64| x.is_finite())).collect();
-                values.map(Some).ok_or_else(|| self.at(geom, format!("`{n}` is `{text}`, expected numbers")))
+                finite_numbers(text)
+                    .map(Some)
+                    .ok_or_else(|| self.at(geom, format!("`{n}` is `{text}`, expected numbers")))
             };
             if attribute("contype") == Some("0") && attribute("conaffinity") == Some("0") {
                 continue;
@@ -361,4 +362,10 @@ impl Reader<'_, '_> {
         let r = rotation.into_inner();
         Ok(LinkInertia { mass_kg, com_m, inertia_com_kgm2: r * own * r.transpose() })
     }
+}
+
+/// Finite numbers between spaces; none if something else stands there.
+fn finite_numbers(text: &str) -> Option<Vec<f64>> {
+    // none: the caller names the attribute
+    text.split_whitespace().map(|w| w.parse::<f64>().ok().filter(|x| x.is_finite())).collect()
 }

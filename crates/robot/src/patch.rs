@@ -91,6 +91,7 @@ pub fn patch(
     let bodies = document.descendants().filter(|n| n.has_tag_name(element));
     for body in bodies {
         let Some(name) = body.attribute("name") else { continue };
+        // none: a link that is no multiple of another one
         let scaled = shared.iter().find_map(|(n, _)| n.strip_prefix(name)?.strip_prefix('*')?.parse::<f64>().ok());
         if let Some(share) = scaled {
             scale(body, model.format, share, &mut edits);
@@ -192,6 +193,7 @@ fn urdf(text: &str, link: Node<'_, '_>, inertia: &LinkInertia, edits: &mut Vec<(
     };
     let rpy: Vec<f64> = child(inertial, "origin")
         .and_then(|o| o.attribute("rpy"))
+        // none: reading the model has refused any other text here
         .map(|t| t.split_whitespace().filter_map(|w| w.parse().ok()).collect())
         .unwrap_or_default();
     let turn = match rpy.as_slice() {
@@ -251,6 +253,7 @@ fn scale(body: Node<'_, '_>, format: Format, share: f64, edits: &mut Vec<(Range<
             }
             seen.push(a.range_value());
             let scaled: Vec<String> =
+                // none: reading the model has refused any other text here
                 a.value().split_whitespace().filter_map(|w| w.parse::<f64>().ok()).map(|x| number(x * share)).collect();
             edits.push((a.range_value(), scaled.join(" ")));
         }

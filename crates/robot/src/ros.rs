@@ -186,6 +186,7 @@ impl<'a> Message<'a> {
         if !self.ros1 {
             self.at = self.at.next_multiple_of(N);
         }
+        // none: a message that is too short, which the caller names
         let mut out: [u8; N] = self.bytes.get(self.at..self.at.checked_add(N)?)?.try_into().ok()?;
         self.at += N;
         if self.big {
@@ -239,6 +240,7 @@ fn decoded<T>(
     let read = |(logged, bytes): &(u64, Vec<u8>)| -> Option<(i64, T)> {
         let mut message = Message::new(bytes, ros1)?;
         let stamp = if kind(&channel.schema) == NO_HEADER { 0 } else { message.header()? };
+        // none: a time beyond the year 2262, which the caller names
         let time = if stamp == 0 { i64::try_from(*logged).ok()? } else { stamp };
         Some((time, of(&mut message)?))
     };

@@ -131,6 +131,7 @@ impl Columns {
 }
 
 fn number(field: &[u8]) -> Option<f64> {
+    // none: a field that is no text is no number, which the caller names
     aloft_trial::missing::number(std::str::from_utf8(field).ok()?)
 }
 

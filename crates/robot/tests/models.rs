@@ -127,6 +127,9 @@ fn files_that_cannot_be_used_say_where_and_why() {
         (MJCF.replace(r#"type="slide""#, r#"type="ball""#), "line 21: a joint of type `ball`"),
         (MJCF.replace("<light", "<include file=\"x\"/><light"), "`include` is not understood"),
         (MJCF.replace("mass=\"1.0\"", "mass=\"heavy\""), "line 18: `mass` is `heavy`, expected 1 numbers"),
+        // what was no number was no limit
+        (MJCF.replace("range=\"-114.6 114.6\"", "range=\"low high\""), "`range` is `low high`, expected 2 numbers"),
+        (MJCF.replace("axis=\"0 1 0\"", "axis=\"0 1 0 x\""), "`axis` is `0 1 0 x`, expected 3 numbers"),
     ];
     for (text, expected) in cases {
         let error = RobotModel::parse("robot", &text).unwrap_err().to_string();

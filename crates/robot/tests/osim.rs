@@ -93,6 +93,10 @@ fn what_is_not_supported_is_refused_by_name() {
     let refused = OsimModel::parse("made.osim", &model(extra)).unwrap_err().to_string();
     assert!(refused.contains("`scapula` of the kind EllipsoidJoint"), "{refused}");
     assert!(refused.contains("GCVSpline in the joint `odd`"), "{refused}");
+    // a number that is none was taken for the one that stands where nothing is stated
+    let word = model("").replace("<default_value>0.25", "<default_value>a quarter");
+    let refused = OsimModel::parse("made.osim", &word).unwrap_err().to_string();
+    assert!(refused.contains("`default_value` of `foot`, which is `a quarter`"), "{refused}");
     let old = model("").replace("40000", "30000");
     assert!(OsimModel::parse("old.osim", &old).unwrap_err().to_string().contains("30000"));
     assert!(OsimModel::parse("x.osim", "<robot/>").unwrap_err().to_string().contains("OpenSimDocument"));

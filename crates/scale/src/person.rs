@@ -278,7 +278,9 @@ fn mark_unseen_limbs(subject: &mut Subject) {
         for side in Side::BOTH {
             let name = |part: &str| format!("{part}_{}", side.suffix());
             let model = &subject.model;
+            // none: a model of a part of the body has no such link
             let Ok(first) = model.link_index(&name(limb)) else { continue };
+            // none: as above
             let own: Vec<usize> = parts.iter().filter_map(|p| model.link_index(&name(p)).ok()).collect();
             if subject.markers.iter().any(|m| own.contains(&m.link) && m.weight > 0.0) {
                 continue;
@@ -320,6 +322,7 @@ fn place_markers(
     let mut markers = Vec::new();
     let mut missing = Vec::new();
     for m in input.marker_set.markers.iter().filter(|m| m.tracking && !m.static_only) {
+        // none: a marker on a part that this model does not have
         let Ok(link) = model.link_index(&m.link) else {
             return Err(ScaleError::MarkerLink {
                 marker_set: input.marker_set.name.clone(),

@@ -78,6 +78,7 @@ async fn computed<T: Send + 'static>(
 ) -> Result<T, Problem> {
     match tokio::task::spawn_blocking(work).await {
         Ok(done) => Ok(done?),
+        // none: the answer says that the computation broke off
         Err(_) => {
             let broken = StageFailure::with_hint("a computation broke off", "see the terminal of `aloft studio`");
             Err(Problem(StatusCode::INTERNAL_SERVER_ERROR, broken))

@@ -46,6 +46,7 @@ pub(crate) async fn guard(State(studio): State<Arc<Studio>>, request: Request, n
 
 /// Why a request is refused; none if it may pass.
 fn refusal(studio: &Studio, method: &Method, headers: &HeaderMap, query: Option<&str>) -> Option<&'static str> {
+    // none: a header that is no text is refused
     let text = |name: &str| headers.get(name).and_then(|v| v.to_str().ok());
     let hosts = [format!("127.0.0.1:{}", studio.port), format!("localhost:{}", studio.port)];
     let host = text("host").filter(|h| hosts.iter().any(|own| own == h));

@@ -113,6 +113,7 @@ pub(crate) fn start(studio: &Arc<Studio>) {
             let (name, changes) = (job.name(), job.changes());
             // a defect in one piece of work must not end the worker for all that follows
             let done = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| work(&studio, job)));
+            // none: the terminal has the panic's message
             let done = done.unwrap_or_else(|_| {
                 Err(PipelineError::request_hint("a computation broke off", "see the terminal of `aloft studio`"))
             });

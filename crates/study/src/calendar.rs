@@ -3,6 +3,8 @@
 use crate::subject_session::{Role, SubjectSession};
 use aloft_trial::{SessionRecording, SessionSource, session_times};
 use aloft_workspace::artifact::session_recording;
+use aloft_workspace::disk::is_there;
+use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::Workspace;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -21,7 +23,10 @@ pub struct Calendar {
 
 impl Calendar {
     /// Computed from the imports of all recordings of a study; see [`Calendar::from_order`].
-    pub fn of(session: &SubjectSession, workspace: &Workspace) -> Self {
+    ///
+    /// # Errors
+    /// An import is there and cannot be read: the times would rest on less than what is there.
+    pub fn of(session: &SubjectSession, workspace: &Workspace) -> Result<Self, PipelineError> {
         let trials: Vec<(String, Role)> = session.included().map(|t| (t.name.clone(), t.role)).collect();
         Self::from_order(&session.facts.recordings, &trials, workspace)
     }
@@ -32,7 +37,14 @@ impl Calendar {
     /// If no file states a time, the order is that of the laboratory's list beside the recordings.
     /// Without a list it is that of a usual session: static, calibration, then the others by name,
     /// with numbers in names compared by value.
-    pub fn from_order(listed: &[String], trials: &[(String, Role)], workspace: &Workspace) -> Self {
+    ///
+    /// # Errors
+    /// Those of [`Calendar::of`].
+    pub fn from_order(
+        listed: &[String],
+        trials: &[(String, Role)],
+        workspace: &Workspace,
+    ) -> Result<Self, PipelineError> {
         let mut trials: Vec<&(String, Role)> = trials.iter().collect();
         let mut places: HashMap<&str, usize> = HashMap::new();
         for (i, name) in listed.iter().enumerate() {
@@ -52,12 +64,15 @@ impl Calendar {
         for (name, role) in trials {
             let needed = matches!(role, Role::Identify | Role::Validate);
             // what could not be imported has no place in the session
-            if let Ok((recording, plates)) = session_recording(&workspace.place("import", name), needed) {
-                if plates > 0 {
-                    with_plates.insert(recording.name.clone());
-                }
-                recordings.push(recording);
+            let place = workspace.place("import", name);
+            if !is_there(&place.join("trial.json"))? {
+                continue;
             }
+            let (recording, plates) = session_recording(&place, needed)?;
+            if plates > 0 {
+                with_plates.insert(recording.name.clone());
+            }
+            recordings.push(recording);
         }
         let times = session_times(&recordings);
         let order = match times.source {
@@ -65,12 +80,12 @@ impl Calendar {
             SessionSource::OrderAndLengths => "; the order is that of the list beside the recordings",
             _ => "",
         };
-        Self {
+        Ok(Self {
             start_s: recordings.into_iter().map(|r| r.name).zip(times.start_s).collect(),
             with_plates,
             source: times.source,
             words: times.words + order,
-        }
+        })
     }
 
     /// The same for one recording alone; none for one without plates, where nothing depends on the
@@ -104,7 +119,24 @@ fn natural(name: &str) -> Vec<(u64, String)> {
 
 #[cfg(test)]
 mod tests {
-    use super::natural;
+    #![allow(clippy::unwrap_used, reason = "tests fail by panicking")]
+    use super::{Calendar, natural};
+    use crate::subject_session::Role;
+    use aloft_workspace::workspace::Workspace;
+
+    /// A damaged import was left out, and the session began with the next recording.
+    #[test]
+    fn regress_times_of_a_session_need_every_import_that_is_there() {
+        let dir = tempfile::tempdir().unwrap();
+        let ws = Workspace::open(dir.path());
+        let trials = [("jump01".to_owned(), Role::Identify)];
+        assert_eq!(Calendar::from_order(&[], &trials, &ws).unwrap().start_s("jump01"), 0.0, "nothing was imported");
+        let place = ws.place("import", "jump01");
+        std::fs::create_dir_all(&place).unwrap();
+        std::fs::write(place.join("trial.json"), "{").unwrap();
+        let error = Calendar::from_order(&[], &trials, &ws).unwrap_err().to_string();
+        assert!(error.contains("trial.json"), "{error}");
+    }
 
     #[test]
     fn numbers_sort_by_value() {

@@ -273,7 +273,9 @@ impl DataSet {
             .sort_by_file_name()
             .into_iter()
             .filter_entry(|e| !e.file_name().to_string_lossy().starts_with('.'))
-            .flatten()
+            .filter_map(|e| e.map_err(|e| unlisted(base, e, patterns)).map_or_else(|e| e.map(Err), |e| Some(Ok(e))))
+            .collect::<Result<Vec<_>, _>>()?
+            .into_iter()
             .filter(|e| e.path().is_dir() && !e.path().join(aloft_workspace::format::MARKER).is_file())
             .filter(|e| e.path().strip_prefix(base).is_ok_and(|r| matchers.iter().any(|m| m.is_match(r))))
             .map(walkdir::DirEntry::into_path)
@@ -417,6 +419,25 @@ fn in_the_earlier_place(workspace: &Path, dir: &Path, named: bool) -> Option<Str
     })
 }
 
+/// The error of a folder in which these patterns would find something and which cannot be listed:
+/// what stands in it would be missing without a word. None for any other folder.
+fn unlisted(base: &Path, error: walkdir::Error, patterns: &[String]) -> Option<PipelineError> {
+    let path = error.path().unwrap_or(base).to_path_buf();
+    // none: it is `base` itself
+    let inside = path.strip_prefix(base).ok().filter(|p| !p.as_os_str().is_empty());
+    let depth = inside.map_or(0, |p| p.components().count());
+    let may_hold = |pattern: &String| {
+        let parts: Vec<&str> = pattern.trim_end_matches('/').split('/').collect();
+        // none: a part of a pattern that is none by itself, such as `{a`, may stand for anything
+        let first = globset::Glob::new(&parts[..depth.min(parts.len())].join("/")).ok();
+        depth < parts.len() && first.is_none_or(|g| inside.is_none_or(|p| g.compile_matcher().is_match(p)))
+    };
+    patterns.iter().any(may_hold).then(|| {
+        let reason = error.into_io_error().unwrap_or_else(|| std::io::Error::other("a loop of links"));
+        PipelineError::io("list", &path)(reason)
+    })
+}
+
 /// Guesses the subject folders of a study that has no pipeline yet: those named in
 /// `participants.tsv`, `sub-*`, or folders that each hold recordings of the same names. Returns
 /// none if there are fewer than two.
@@ -427,9 +448,10 @@ pub fn guess_subjects(root: &Path) -> Result<Vec<PathBuf>, PipelineError> {
     }
     let mut folders: Vec<PathBuf> = std::fs::read_dir(root)
         .map_err(PipelineError::io("list", root))?
-        .filter_map(|e| e.ok().map(|e| e.path()))
-        .filter(|p| p.is_dir() && !p.join(aloft_workspace::format::MARKER).is_file())
-        .collect();
+        .map(|e| e.map(|e| e.path()))
+        .collect::<Result<_, _>>()
+        .map_err(PipelineError::io("list", root))?;
+    folders.retain(|p| p.is_dir() && !p.join(aloft_workspace::format::MARKER).is_file());
     folders.sort();
     let named: Vec<PathBuf> = folders
         .iter()

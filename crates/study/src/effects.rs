@@ -198,7 +198,7 @@ pub fn check_formulas(own: &[OwnEffect], model: &ModelSpec) -> Result<(), Pipeli
     if own.is_empty() {
         return Ok(());
     }
-    // a model that cannot be built is reported elsewhere
+    // none: a model that cannot be built is reported elsewhere
     let Ok(model) = Model::from_spec(model) else { return Ok(()) };
     let phi = vec![Phi::zeros(); model.n_links()];
     let scene = Scene::new(&model, &phi, &[]);
@@ -207,6 +207,7 @@ pub fn check_formulas(own: &[OwnEffect], model: &ModelSpec) -> Result<(), Pipeli
 
 /// True for an effect that depends on when in the session a recording was made.
 pub fn asks_session_time(id: &str) -> bool {
+    // none: a law of the user's own does not depend on the session
     aloft_effects::effect(id).is_ok_and(|e| e.about().uses_session_time)
 }
 

@@ -128,9 +128,10 @@ impl LabFacts {
         let (low, high) = GRAVITY_MPS2;
         match size {
             Some(g) if (low..=high).contains(&g) => Ok(Some(g)),
+            // none: what was read can be written
             _ => Err(format!(
                 "`lab.gravity` is {}, expected three numbers or one, of a magnitude from {low} to {high} m/s²",
-                serde_yaml::to_string(&self.gravity).unwrap_or_default().trim().replace('\n', " ")
+                serde_yaml::to_string(&self.gravity).ok().unwrap_or_default().trim().replace('\n', " ")
             )),
         }
     }
@@ -181,7 +182,7 @@ fn beside(at: &FactPlaces<'_>) -> Result<(FactsFile, Vec<String>), PipelineError
         }
     }
     if let (true, Some(path)) = (found.is_empty(), opencap::beside(at.data)) {
-        let stated = opencap::read(&path);
+        let stated = opencap::read(&path)?;
         let facts = FactsFile {
             name: stated.name,
             sex: stated.sex.map(str::to_owned),
@@ -198,6 +199,7 @@ fn beside(at: &FactPlaces<'_>) -> Result<(FactsFile, Vec<String>), PipelineError
 /// The name of the subject that a file in this folder states; none where the file cannot be read,
 /// which a run reports.
 pub fn stated_name(folder: &Path) -> Option<String> {
+    // none: opening the study reads the same file and names what is wrong
     facts_file(folder).ok()?.and_then(|(facts, _)| facts.name)
 }
 
@@ -251,6 +253,7 @@ pub(crate) fn find_facts(
     if s != &SubjectConfig::default() {
         sources.push("the pipeline".to_owned());
     }
+    // none: reading the facts has refused any other gravity
     let gravity_in_lab = facts.lab.as_ref().and_then(|l| l.gravity_mps2().ok().flatten());
     let stated = s.mass_kg.or(facts.mass_kg).or(facts.total_mass_kg);
     if let (None, Some((name, _))) = (stated, at.model) {

@@ -171,6 +171,7 @@ pub fn fits(wanted: Option<&str>, name: Option<&str>) -> bool {
     match (wanted, name) {
         (None, _) => true,
         (Some(_), None) => false,
+        // none: opening the pipeline refuses a pattern that cannot be read
         (Some(p), Some(n)) => globset::Glob::new(p).is_ok_and(|g| g.compile_matcher().is_match(n)),
     }
 }

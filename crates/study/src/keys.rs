@@ -191,7 +191,8 @@ fn unknown<'k>(keys: &'k Keys, value: &Value, path: &mut Vec<String>) -> Option<
     for (key, inner) in value.as_mapping()? {
         let key = match key.as_str() {
             Some(key) => key.to_owned(),
-            None => serde_yaml::to_string(key).unwrap_or_default().trim().to_owned(),
+            // none: what was read can be written
+            None => serde_yaml::to_string(key).ok().unwrap_or_default().trim().to_owned(),
         };
         let own = keys.inside.iter().find(|(name, _)| *name == key || *name == "*").map(|(_, own)| *own);
         let is_known = own.is_some() || keys.read.contains(&key.as_str()) || keys.told.contains(&key.as_str());

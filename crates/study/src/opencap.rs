@@ -2,6 +2,7 @@
 //! its `MarkerData`.
 
 use crate::config::{HEIGHT_M, MASS_KG};
+use aloft_workspace::error::PipelineError;
 use aloft_workspace::input;
 use serde_yaml::Value;
 use std::path::{Path, PathBuf};
@@ -33,22 +34,24 @@ pub fn beside(data: &Path) -> Option<PathBuf> {
     if let Some(found) = above.into_iter().find(|p| p.is_file()) {
         return Some(found);
     }
+    // none: the listing of the recordings names a folder that cannot be read
     let folders = std::fs::read_dir(&data).ok()?.filter_map(|e| e.ok().map(|e| e.path().join(METADATA)));
     let found: Vec<PathBuf> = folders.filter(|p| p.is_file()).collect();
     if let [only] = found.as_slice() { Some(only.clone()) } else { None }
 }
 
-/// Reads the metadata; nothing where the file cannot be read.
-pub fn read(path: &Path) -> Metadata {
-    let value =
-        input::text(path).ok().and_then(|t| crate::ranges::parse_yaml::<Value>(&path.display().to_string(), &t).ok());
-    let Some(value) = value else { return Metadata::default() };
+/// Reads the metadata.
+///
+/// # Errors
+/// The file cannot be read or is no YAML.
+pub fn read(path: &Path) -> Result<Metadata, PipelineError> {
+    let value: Value = crate::ranges::parse_yaml(&path.display().to_string(), &input::text(path)?)?;
     let text = |key: &str| value.get(key).and_then(Value::as_str).map(str::trim).filter(|t| !t.is_empty());
     let number = |key: &str, (low, high): (f64, f64)| {
         value.get(key).and_then(Value::as_f64).filter(|x| (low..=high).contains(x))
     };
     let sex = ["sex", "gender_mf"].into_iter().find_map(text).map(str::to_lowercase);
-    Metadata {
+    Ok(Metadata {
         name: text("subjectID").map(str::to_owned),
         sex: match sex.as_deref() {
             Some("f" | "female" | "woman" | "w") => Some("F"),
@@ -57,7 +60,7 @@ pub fn read(path: &Path) -> Metadata {
         },
         height_m: number("height_m", HEIGHT_M),
         mass_kg: number("mass_kg", MASS_KG),
-    }
+    })
 }
 
 #[cfg(test)]
@@ -82,7 +85,7 @@ mod tests {
         for data in [&markers, &session, &dir.path().to_path_buf()] {
             assert_eq!(beside(data), Some(file.clone()), "{}", data.display());
         }
-        let found = read(&file);
+        let found = read(&file).unwrap();
         assert_eq!(
             (found.mass_kg, found.height_m, found.sex, found.name.as_deref()),
             (Some(61.5), None, Some("F"), Some("S1"))
@@ -91,6 +94,6 @@ mod tests {
         std::fs::create_dir(&second).unwrap();
         std::fs::write(second.join(METADATA), "mass_kg: [").unwrap();
         assert_eq!(beside(dir.path()), None, "of two sessions none is chosen");
-        assert_eq!(read(&second.join(METADATA)), Metadata::default());
+        assert!(read(&second.join(METADATA)).is_err(), "a body without what its file states is not taken");
     }
 }

@@ -72,6 +72,7 @@ pub fn pattern(name: &str) -> String {
 pub fn yaml(text: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "_-./".contains(c);
     let letter = text.chars().next().is_some_and(|c| c.is_alphabetic() || c == '_');
+    // none: what does not read back the same is quoted
     let same = || serde_yaml::from_str::<serde_yaml::Value>(text).is_ok_and(|back| back.as_str() == Some(text));
     if letter && text.chars().all(plain) && same() {
         return text.to_owned();

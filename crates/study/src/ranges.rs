@@ -66,6 +66,7 @@ fn schema_of<T: JsonSchema + 'static>() -> Arc<Json> {
 
 /// Rejects NaN and infinite numbers anywhere in a YAML text.
 pub fn finite(file: &str, text: &str) -> Result<(), PipelineError> {
+    // none: reading the values refuses a text that is no YAML
     let Ok(value) = serde_yaml::from_str::<Value>(text) else { return Ok(()) };
     match not_finite(&value, &mut String::new()) {
         Some(o) => Err(shown(file, text, &o)),

@@ -217,6 +217,7 @@ pub(crate) fn may_hold(folder: &Path, pattern: &str) -> bool {
             parts = "**".split('/');
             true
         }
+        // none: opening the pipeline refuses a pattern that cannot be read
         Some(part) => globset::Glob::new(part).is_ok_and(|g| g.compile_matcher().is_match(of.as_os_str())),
         None => false,
     }) && parts.next().is_some()

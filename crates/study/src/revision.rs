@@ -42,6 +42,7 @@ impl ModelEffect {
 
     /// True for a law of a joint, which exerts nothing on the body as a whole.
     pub fn is_of_joints(&self) -> bool {
+        // none: a law of the user's own acts on the body
         aloft_effects::effect(self.id()).is_ok_and(|e| e.acts().in_joints())
     }
 }

@@ -80,9 +80,10 @@ impl RobotSetup {
         let mut model =
             RobotModel::parse(&shown, &input::text(first)?).map_err(|e| PipelineError::request(e.to_string()))?;
         // URDF has no reflected inertia: take it from the MJCF of the same robot
-        if let [_, second] = files.as_slice()
-            && let Ok(other) = RobotModel::parse(&second.display().to_string(), &input::text(second)?)
-        {
+        if let [_, second] = files.as_slice() {
+            let named = second.strip_prefix(folder).unwrap_or(second).display().to_string();
+            let other =
+                RobotModel::parse(&named, &input::text(second)?).map_err(|e| PipelineError::request(e.to_string()))?;
             for joint in &mut model.joints {
                 if let Some(twin) = other.joint(&joint.name).filter(|_| joint.armature == 0.0) {
                     joint.armature = twin.armature;

@@ -47,6 +47,7 @@ pub static ADJUSTABLE: [Adjustable; 7] = [
 
 /// The number at a place of a configuration; none if there is no number.
 pub fn number_at(config: &PipelineConfig, path: &str) -> Option<f64> {
+    // none: every configuration can be written
     let mut value = serde_yaml::to_value(config).ok()?;
     for key in path.split('.') {
         value = value.get(key)?.clone();

@@ -313,6 +313,7 @@ impl SubjectSession {
     pub fn identifies_from_contact(&self) -> bool {
         let on_plates_only = |e: &crate::revision::ModelEffect| {
             let own = self.own_effects.iter().find(|o| o.spec.id == e.id()).map(|o| o.spec.acts);
+            // none: a law that was deleted, which opening the study refuses
             own.or_else(|| aloft_effects::effect(e.id()).ok().map(|known| known.acts()))
                 .is_some_and(|acts| acts == aloft_effects::ActsIn::Contact)
         };
@@ -389,6 +390,7 @@ impl SubjectSession {
     /// The size of a trial's file, and the included trials whose files have it, in order. Sizes of
     /// other files are those of the first call; an empty or unreadable file has none.
     pub fn of_same_size(&self, trial: &TrialEntry) -> Option<(u64, Vec<&TrialEntry>)> {
+        // none: its import says why it cannot be read
         let size = |t: &TrialEntry| std::fs::metadata(&t.file).ok().map(|m| m.len()).filter(|n| *n > 0);
         let by_size = self.sizes.0.get_or_init(|| {
             let mut out: HashMap<u64, Vec<usize>> = HashMap::new();

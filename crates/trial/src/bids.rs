@@ -251,7 +251,9 @@ fn read_channels(trial: &mut Trial, text: &str, options: &ImportOptions) -> Resu
                 labels.len() - 1
             }
         };
-        rate = rate.or_else(|| place("sampling_frequency").and_then(|at| cell(at).parse().ok()));
+        if let (None, Some(stated)) = (rate, place("sampling_frequency").map(cell).filter(|c| !is_missing(c))) {
+            rate = Some(stated.parse().map_err(|_| broken(index + 2, stated, "a number under `sampling_frequency`"))?);
+        }
         channels.push(Channel { column, marker, axis, metres });
     }
     if without_axis > 0 {

@@ -133,6 +133,7 @@ pub fn vertical_of_fall(fall: &Vector3<f64>) -> Option<[f64; 2]> {
 fn earlier(values: &[Vector3<f64>], samples: f64) -> Vec<Vector3<f64>> {
     let whole = samples.floor();
     let share = samples - whole;
+    // none: before the first sample there is none
     let at = |i: isize| usize::try_from(i).ok().and_then(|i| values.get(i)).copied();
     (0..values.len() as isize)
         .map(|i| {

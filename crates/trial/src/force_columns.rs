@@ -147,6 +147,7 @@ fn parse_column(label: &str) -> Option<(String, Quantity, usize)> {
         None => {
             let [quantity, plate, number] = words.as_slice() else { return None };
             let short = quantity.is(&["f", "p", "m"]) && plate.is_number() && plate.joined && !number.joined;
+            // none: a name that does not end in a number is of another family
             let axis = number.text.parse::<usize>().ok()?.checked_sub(1).filter(|a| *a < 3 && short)?;
             return Some((plate.text.clone(), quantity_of(&quantity.text, [false; 3])?, axis));
         }

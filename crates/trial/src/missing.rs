@@ -46,6 +46,7 @@ pub fn number(cell: &str) -> Option<f64> {
     match cell.parse::<f64>() {
         Ok(value) if value.is_finite() => Some(value),
         Ok(_) => Some(f64::NAN),
+        // none: what is no number and no word for "missing" is refused by the caller
         Err(_) => is_missing(cell).then_some(f64::NAN),
     }
 }

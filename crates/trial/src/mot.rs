@@ -105,6 +105,7 @@ impl Table {
             let mut row = match read_row(&broken, *index, line, out.labels.len()) {
                 Ok(row) => row,
                 // An incomplete last line indicates a truncated copy.
+                // none: the last line of a truncated file, of which a remark tells
                 Err(_) if cut_here => {
                     out.break_off(index + 1);
                     continue;
@@ -196,6 +197,7 @@ fn stated(
         if keys.iter().any(|k| key.trim().eq_ignore_ascii_case(k)) {
             return match value.trim().parse::<usize>() {
                 Ok(count) => Ok(Some((count, index + 1))),
+                // none: the error says what is expected
                 Err(_) => Err(broken(index, line, &format!("a whole number behind `{}`", key.trim()))),
             };
         }

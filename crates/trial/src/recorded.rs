@@ -147,6 +147,7 @@ fn instant(text: &str) -> (Option<i64>, Option<(f64, f64)>) {
                 (if afternoon { hour + 43_200.0 } else { hour }, r)
             });
         } else if token.len() == 8 && token.bytes().all(|b| b.is_ascii_digit()) && day.is_none() {
+            // none: text in a name that is no date
             let part = |range: std::ops::Range<usize>| token[range].parse::<i64>().ok();
             day = part(0..4).zip(part(4..6)).zip(part(6..8)).and_then(|((y, m), d)| days(y, m, d));
         } else if token.len() == 6 && token.bytes().all(|b| b.is_ascii_digit()) && day.is_some() && time.is_none() {
@@ -173,6 +174,7 @@ fn instant(text: &str) -> (Option<i64>, Option<(f64, f64)>) {
 
 /// Parses the three parts of a date.
 fn date_of(parts: &[&str]) -> Option<i64> {
+    // none: text that is no date
     let number = |p: &str| p.parse::<i64>().ok();
     let year = |p: &str| {
         number(p).filter(|_| p.len() == 2 || p.len() == 4).map(|y| {
@@ -216,6 +218,7 @@ fn month(word: &str) -> Option<i64> {
 fn days(year: i64, month: i64, day: i64) -> Option<i64> {
     let leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
     let lengths = [31, if leap { 29 } else { 28 }, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+    // none: text that is no date
     let length = *lengths.get(usize::try_from(month - 1).ok()?)?;
     if !(1980..=2100).contains(&year) || !(1..=length).contains(&day) {
         return None;
@@ -235,6 +238,7 @@ fn time_of(token: &str) -> Option<(f64, f64)> {
     let lower = bare.to_ascii_lowercase();
     let afternoon = lower.strip_suffix("pm");
     let half = afternoon.or_else(|| lower.strip_suffix("am"));
+    // none: text that is no time of day
     let parts: Vec<f64> = half.unwrap_or(&lower).split(':').map(|p| p.parse::<f64>().ok()).collect::<Option<_>>()?;
     let (hour, minute, second) = match parts[..] {
         [h, m] => (h, m, None),

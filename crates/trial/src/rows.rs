@@ -227,6 +227,7 @@ fn by_number(rows: &[Stamp], rate_hz: f64, rounding: f64) -> Option<Vec<usize>> 
     let first = rows.first()?;
     let start = first.number?;
     let places: Vec<usize> =
+        // none: frame numbers that run backwards; then the times alone count
         rows.iter().map(|r| usize::try_from(r.number?.checked_sub(start)?).ok()).collect::<Option<_>>()?;
     let (steps, last) = (*places.last()? as f64, rows.last()?);
     let length_s = last.time_s - first.time_s;
@@ -329,6 +330,7 @@ pub(crate) fn ending<'a>(last: &str, above: impl Iterator<Item = &'a str>) -> En
         return if last.len() > 2 { Ending::Whole } else { Ending::Doubtful };
     }
     let own = decimals(last);
+    // none: how a column is printed shows in its numbers
     let mut of_column = above.filter(|c| c.parse::<f64>().is_ok_and(f64::is_finite)).map(decimals);
     match of_column.next() {
         Some(d) if d > 0 && of_column.all(|o| o == d) => {

@@ -38,6 +38,7 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     let rate = ["DataRate", "CameraRate", "OrigDataRate"].iter().find_map(|k| Some((k, *header.get(k)?)));
     let stated_hz = match rate.map(|(key, v)| (key, v, v.parse::<f64>())) {
         Some((_, _, Ok(rate))) if RATES_HZ.contains(&rate) => Some(rate),
+        // none: the error names what stands there
         Some((key, found, Err(_))) if !is_missing(found) => {
             return Err(broken(2, found, &format!("a rate between 0.001 and 1000000 Hz under `{key}`")));
         }
@@ -50,6 +51,7 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     let count = |key: &str| -> Result<Option<usize>, TrialError> {
         let Some(cell) = header.get(key) else { return Ok(None) };
         let expected = format!("a whole number under `{key}`");
+        // none: what is no whole number is refused in the next line
         let number = cell.parse::<f64>().ok().filter(|n| n.fract() == 0.0 && (0.0..1e9).contains(n));
         number.map(|n| Some(n as usize)).ok_or_else(|| broken(2, cell, &expected))
     };
@@ -99,6 +101,7 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
         match read_row(&broken, *index, line, &labels, metres) {
             // An incomplete last line indicates a truncated copy.
             Ok(row) if cut_here && row.cells < 2 + 3 * n_markers => break_off(&mut warnings, index + 1),
+            // none: the last line of a truncated file, of which a remark tells
             Err(_) if cut_here => break_off(&mut warnings, index + 1),
             Err(e) => return Err(e),
             Ok(mut row) => {
@@ -180,6 +183,7 @@ pub(crate) fn read_trc(trial: &mut Trial, text: &str, options: &ImportOptions) -
     if options.zero_is_missing {
         zeros_to_missing(&mut tracks);
     }
+    // none: numbering that does not begin with a whole number begins with 1
     let first_frame = stamps.first().and_then(|s| u32::try_from(s.number?).ok()).unwrap_or(1);
     trial.warnings.append(&mut warnings);
     trial.markers = Markers { rate_hz: clock.rate_hz, first_frame, n_frames: clock.n, labels, trajectories: tracks };

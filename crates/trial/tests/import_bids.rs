@@ -52,6 +52,8 @@ fn errors_name_file_and_line() {
     assert!(error.contains("furlong"), "{error}");
     let error = read("name\tunits\n", MOTION, None, None).unwrap_err();
     assert!(error.contains("_channels.tsv line 1"), "{error}");
+    let fast = read(&CHANNELS.replace("LKNE\tmm\t100", "LKNE\tmm\tfast"), MOTION, None, None);
+    assert!(fast.is_err_and(|e| e.contains("fast") && e.contains("sampling_frequency")));
     let error = read(&CHANNELS.replace("sampling_frequency", "x"), MOTION, None, None).unwrap_err();
     assert!(error.contains("SamplingFrequency"), "{error}");
 }

@@ -116,6 +116,7 @@ pub fn copy(from: &Path, to: &Path) -> Result<(), PipelineError> {
 /// Gives a file a second name, or copies it where the file system has no links.
 pub fn link(from: &Path, to: &Path) -> Result<(), PipelineError> {
     change("link", to)?;
+    // none: where no link can be made, a copy does the same
     std::fs::hard_link(from, to).or_else(|_| std::fs::copy(from, to).map(|_| ())).map_err(PipelineError::io("link", to))
 }
 
@@ -215,6 +216,7 @@ impl Owned {
 
 /// True if the owner of a file made by [`Owned::create`] no longer runs.
 pub(crate) fn abandoned(path: &Path) -> bool {
+    // none: what cannot be opened is not ours to remove
     let Ok(file) = File::options().read(true).write(true).open(path) else { return false };
     match file.try_lock() {
         Ok(()) => true,
@@ -287,6 +289,7 @@ impl Temporary {
             Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {
                 return Err(PipelineError::io("create", &self.target)(e));
             }
+            // none: a file system without links has the file renamed into place
             Err(_) => {
                 rename(&self.own.path, &self.target)?;
                 self.placed = true;
@@ -321,6 +324,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), PipelineError> {
 /// Name of the computer, if the system provides it.
 pub(crate) fn host_name() -> String {
     let from_files =
+        // none: only the name of the machine in a message
         ["/proc/sys/kernel/hostname", "/etc/hostname"].iter().find_map(|p| std::fs::read_to_string(p).ok());
     let from_words = || ["COMPUTERNAME", "HOSTNAME", "HOST"].iter().find_map(|v| std::env::var(v).ok());
     from_files

@@ -112,6 +112,7 @@ impl PipelineError {
     /// example `--data lab`.
     pub fn no_folder(given: &str) -> Self {
         let here =
+            // none: only words of a message
             std::env::current_dir().map_or_else(|_| "the current folder".to_owned(), |d| d.display().to_string());
         Self::request_hint(
             format!("{given}: there is no such folder"),
@@ -134,6 +135,7 @@ impl PipelineError {
 fn files_there(path: &Path) -> Option<String> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let name = path.file_name()?.to_string_lossy();
+    // none: only the nearest name in a message
     let Ok(entries) = std::fs::read_dir(folder) else {
         return Some(format!("there is no folder {}", folder.display()));
     };

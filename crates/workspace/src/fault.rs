@@ -97,6 +97,7 @@ impl Plan {
 
     fn list(&self, line: &str) {
         let Some(log) = &self.log else { return };
+        // none: the log of a test
         if let Ok(mut file) = std::fs::File::options().create(true).append(true).open(log) {
             let _ = file.write_all(format!("{line}\n").as_bytes());
         }

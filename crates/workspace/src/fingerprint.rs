@@ -7,7 +7,7 @@ use crate::seal;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// List of the hashes, so that the recordings need not be read at every call.
@@ -73,7 +73,8 @@ impl Identity {
     }
 
     fn is_settled(&self) -> bool {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos() as u64);
+        // none: before 1970 nothing is settled
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).ok().map_or(0, |d| d.as_nanos() as u64);
         now > self.changed_ns.max(self.modified_ns).saturating_add(TICK_NS)
     }
 }
@@ -83,7 +84,8 @@ impl InputHashes {
     /// recording.
     pub(crate) fn open(root: &Path) -> Self {
         let list = root.join(INPUTS);
-        let known = seal::read(&list).unwrap_or_default();
+        // none: what is not known is hashed
+        let known = seal::read(&list).ok().unwrap_or_default();
         Self { list, known: Mutex::new(known) }
     }
 
@@ -113,8 +115,9 @@ impl InputHashes {
 
     /// Stores the list for the next run.
     pub(crate) fn save(&self) -> Result<(), PipelineError> {
-        let mut known = self.known.lock().map(|k| k.clone()).unwrap_or_default();
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner).clone();
         known.retain(|_, stamp| stamp.settled);
+        // none: a list that cannot be read is written again
         if seal::read::<BTreeMap<String, InputStamp>>(&self.list).is_ok_and(|old| old == known) {
             return Ok(());
         }

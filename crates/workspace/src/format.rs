@@ -20,11 +20,13 @@ pub fn marker_text() -> String {
 /// neither read nor written.
 pub fn refuse_other_format(root: &Path) -> Result<(), PipelineError> {
     let marker = root.join(MARKER);
+    // none: a folder without a marker is no workspace yet
     let Ok(text) = std::fs::read_to_string(&marker) else { return Ok(()) };
     let stated = text.lines().find_map(|l| l.strip_prefix("format ")).map(|n| n.trim().parse::<u32>());
     let found = match stated {
         Some(Ok(FORMAT)) => return Ok(()),
         Some(Ok(n)) => format!("format {n}"),
+        // none: the message says so
         Some(Err(_)) => "a format that is not a number".to_owned(),
         None if !holds_results(root) => return Ok(()),
         None => "no format (an earlier aloft made it, or the file was damaged)".to_owned(),

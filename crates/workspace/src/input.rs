@@ -86,6 +86,7 @@ fn problem_at(path: &Path, problem: Error, hint: &str) -> PipelineError {
 
 /// A path that leads nowhere: a link whose target is absent, or no file of this name.
 fn absent(path: &Path, error: Error) -> PipelineError {
+    // none: what is no link has the error of reading
     let Ok(target) = std::fs::read_link(path) else { return PipelineError::io("read", path)(error) };
     let (problem, hint) = if error.kind() == ErrorKind::NotFound {
         let problem = format!("it is a link to {}, which is not there", target.display());
@@ -142,6 +143,7 @@ fn needed(size: u64) -> u64 {
 /// Memory that the system can still give, bytes; none where it does not say so. Linux promises more
 /// than it has and ends the process later: asking for the memory would not fail.
 fn available_memory() -> Option<u64> {
+    // none: a system that does not say so has no limit here
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
     line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib.saturating_mul(1024))

@@ -66,7 +66,7 @@ mod tests {
             for (j, b) in all.iter().enumerate() {
                 assert_eq!(key(a) == key(b), i == j, "{a:?} and {b:?}");
                 // also after writing to a file and reading back
-                let back: Value = serde_json::from_str(&key(a).to_string()).unwrap_or_default();
+                let back: Value = serde_json::from_str(&key(a).to_string()).ok().unwrap_or_default();
                 assert_eq!(back == key(b), i == j, "{a:?} and {b:?}");
             }
         }

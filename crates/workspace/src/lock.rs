@@ -51,7 +51,8 @@ impl Holder {
 /// A time formatted as `2026-03-01 14:05:09 UTC` (proleptic Gregorian calendar; days to civil dates
 /// after Hinnant's algorithm).
 fn utc(time: SystemTime) -> String {
-    let seconds = time.duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+    // none: a clock before 1970 is shown as 1970
+    let seconds = time.duration_since(UNIX_EPOCH).ok().unwrap_or_default().as_secs();
     let (days, rest) = ((seconds / 86_400) as i64, seconds % 86_400);
     let shifted = days + 719_468;
     let era = shifted.div_euclid(146_097);
@@ -74,6 +75,7 @@ impl Workspace {
         // check the marker last: a process that is creating the workspace at this moment writes the
         // marker first
         if self.root().is_dir()
+            // none: making the lock names a folder that cannot be read
             && std::fs::read_dir(self.root()).is_ok_and(|d| d.flatten().any(|e| !own(&e.file_name())))
             && !marker.is_file()
         {
@@ -84,6 +86,7 @@ impl Workspace {
         }
         disk::create_dir_all(self.root())?;
         refuse_other_format(self.root())?;
+        // none: a marker that cannot be read is written again
         if std::fs::read_to_string(&marker).ok().is_none_or(|text| text != marker_text()) {
             disk::write_whole(&marker, marker_text().as_bytes())?;
         }
@@ -98,7 +101,9 @@ impl Workspace {
                     std::thread::sleep(Duration::from_millis(100));
                 }
                 Err(TryLockError::WouldBlock) => {
-                    let holder = read_json::<Holder>(&note).map_or("another process".to_owned(), |h| h.to_string());
+                    // none: only the name of the holder in a message
+                    let holder =
+                        read_json::<Holder>(&note).ok().map_or("another process".to_owned(), |h| h.to_string());
                     return Err(PipelineError::Locked { path: self.root().to_path_buf(), holder });
                 }
                 Err(TryLockError::Error(e)) => return Err(PipelineError::io("lock", &path)(e)),

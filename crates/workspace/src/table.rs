@@ -90,6 +90,7 @@ impl Table {
             let values = column.f64().map_err(table_error)?;
             let values = match values.cont_slice() {
                 Ok(slice) => slice.to_vec(),
+                // none: a column with missing values is copied, one without is taken as it is
                 Err(_) => values.iter().map(|v| v.unwrap_or(f64::NAN)).collect(),
             };
             table.push(column.name().as_str(), values);

@@ -118,6 +118,7 @@ pub fn clear_abandoned(parent: &Path) {
         let name = entry.file_name().to_string_lossy().into_owned();
         let path = entry.path();
         if EARLIER.iter().any(|p| name.starts_with(p)) {
+            // none: without an age nothing is removed
             let age = entry.metadata().and_then(|m| m.modified()).ok().and_then(|t| t.elapsed().ok());
             if path.is_dir() && age.is_some_and(|a| a > ABANDONED_AFTER) {
                 let _ = std::fs::remove_dir_all(&path);

@@ -112,6 +112,7 @@ impl Workspace {
     /// moving the new one in leaves the old one among its temporary folders. If the result is
     /// missing in its place, the old one is moved back, so that no finished result is lost.
     fn put_back(&self, old: &Path) -> Result<(), PipelineError> {
+        // none: an old result without a manifest is not put back
         let Ok(manifest) = seal::read::<Manifest>(&old.join(MANIFEST)) else { return Ok(()) };
         let place = self.place(&manifest.stage, &manifest.trial);
         // if the complete new result is next to it, that one is preferred
@@ -131,6 +132,14 @@ impl Workspace {
     /// Folder for the result of a stage.
     pub fn place(&self, stage: &str, trial: &str) -> PathBuf {
         self.root.join(stage).join(trial)
+    }
+
+    /// The manifest of a result, if it exists.
+    ///
+    /// # Errors
+    /// It exists and is damaged or cannot be read.
+    pub fn manifest_if_there(&self, stage: &str, trial: &str) -> Result<Option<Manifest>, PipelineError> {
+        seal::read_if_there(&self.place(stage, trial).join(MANIFEST))
     }
 
     /// The manifest of a result, if it exists and is undamaged. One that the system cannot read is

@@ -97,6 +97,7 @@ impl Folder {
                     "give --to the name of a folder",
                 ));
             }
+            // none: writing into it names a folder that cannot be read
             if root.is_dir() && fs::read_dir(root).is_ok_and(|mut d| d.next().is_some()) {
                 return Err(PipelineError::request_hint(
                     format!("{} is not empty and holds no export of aloft", root.display()),

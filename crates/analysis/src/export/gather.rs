@@ -307,6 +307,7 @@ pub(super) fn recordings(session: &SubjectSession, ws: &Workspace) -> Result<Vec
         let relative = path.strip_prefix(&session.data).unwrap_or(path);
         let name = relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>();
         // a recording that cannot be read has no results to export
+        // none: the list of recordings says so
         out.push((name.join("/"), ws.input_hash(path).unwrap_or_else(|_| "unreadable".to_owned())));
     }
     Ok(out)
@@ -314,7 +315,8 @@ pub(super) fn recordings(session: &SubjectSession, ws: &Workspace) -> Result<Vec
 
 /// Stages with their version and the pipeline section of the same name.
 pub(super) fn stages(session: &SubjectSession, ws: &Workspace) -> Vec<(String, u32, String)> {
-    let sections = serde_json::to_value(&session.config).unwrap_or_default();
+    // none: every configuration can be written
+    let sections = serde_json::to_value(&session.config).ok().unwrap_or_default();
     STAGES
         .iter()
         .filter_map(|stage| {

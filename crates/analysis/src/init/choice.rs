@@ -95,6 +95,7 @@ pub(super) fn choose(seen: &[Determination]) -> Result<FittedSet, PipelineError>
         let beyond = marked.iter().any(|link| !in_part(link) && link != "head");
         let complete = model.links.iter().all(|l| marked.contains(&l.name));
         if complete && !beyond && fit > best.fit {
+            // none: built-in models can be built
             let unseen = aloft_body::Model::from_spec(model).ok().and_then(|m| m.unseen_parts());
             best = FittedSet { set: name, model: model.name.clone(), fit, unseen, markerless: false };
         }

@@ -29,6 +29,7 @@ impl StatedFacts {
         if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {
             return Self::default();
         }
+        // none: `init` names recordings that cannot be read
         let Some(file) = input::bytes(path).ok().and_then(|b| aloft_c3d::C3dFile::from_bytes(&b).ok()) else {
             return Self::default();
         };
@@ -72,6 +73,7 @@ pub(super) fn force_patterns(folder: &Path, seen: &[Determination]) -> Option<Ve
     let mut files: Vec<PathBuf> = Vec::new();
     let mut open = vec![folder.to_path_buf()];
     while let Some(at) = open.pop() {
+        // none: the listing of the recordings names it
         let Ok(entries) = std::fs::read_dir(&at) else { continue };
         let mut inside: Vec<PathBuf> = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
         inside.sort();
@@ -111,6 +113,7 @@ pub(super) fn force_patterns(folder: &Path, seen: &[Determination]) -> Option<Ve
 
 /// True if the columns of a MOT or STO file are ground reactions.
 fn holds_forces(file: &Path) -> bool {
+    // none: `check` names a force file that cannot be read
     let Ok(bytes) = input::bytes(file) else { return false };
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(20_000)]).to_lowercase();
     let columns = text.lines().find(|l| l.trim_start().starts_with("time")).unwrap_or_default();

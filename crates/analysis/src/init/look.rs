@@ -43,9 +43,11 @@ pub(super) struct Unread {
 /// be read.
 fn people_in(file: &Path) -> Vec<String> {
     let (name, options) = ("", ImportOptions::default());
+    // none: `init` names recordings that cannot be read
     let Ok(bytes) = input::bytes(file) else { return Vec::new() };
     let trial = match file.extension().is_some_and(|e| e.eq_ignore_ascii_case("trc")) {
         true => Trial::contents_of_trc_mot(name, &String::from_utf8_lossy(&bytes), None, &options).ok(),
+        // none: as above
         false => aloft_c3d::C3dFile::from_bytes(&bytes)
             .ok()
             .and_then(|c3d| Trial::contents_of_c3d(name, &c3d, &options).ok()),
@@ -170,6 +172,7 @@ pub(super) fn look(
 fn stated_unit(path: &Path) -> String {
     if is_bids(path) {
         let channels = bids_beside(path).into_iter().find(|p| p.to_string_lossy().ends_with("_channels.tsv"));
+        // none: `init` names recordings that cannot be read
         let text = channels.and_then(|p| input::text(&p).ok()).unwrap_or_default();
         let at = text.lines().next().and_then(|h| h.split('\t').position(|c| c.trim() == "units"));
         let position = text.lines().find(|l| l.split('\t').any(|c| c.trim() == "POS"));
@@ -179,9 +182,11 @@ fn stated_unit(path: &Path) -> String {
             .map(|u| u.trim().to_owned())
             .unwrap_or_default();
     }
+    // none: as above
     let Ok(bytes) = input::bytes(path) else { return String::new() };
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {
-        return aloft_c3d::C3dFile::from_bytes(&bytes).map(|f| f.point_unit.trim().to_owned()).unwrap_or_default();
+        // none: as above
+        return aloft_c3d::C3dFile::from_bytes(&bytes).ok().map(|f| f.point_unit.trim().to_owned()).unwrap_or_default();
     }
     let text = String::from_utf8_lossy(&bytes);
     let mut lines = text.lines().skip(1);

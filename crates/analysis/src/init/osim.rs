@@ -42,6 +42,7 @@ pub(super) struct Found {
 }
 
 fn models_below(folder: &Path, depth: usize, out: &mut Vec<PathBuf>) {
+    // none: the listing of the recordings names it
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     let mut paths: Vec<PathBuf> = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
     paths.sort();
@@ -116,6 +117,7 @@ fn fit(shown: &str, model: &OsimModel, trial: &Trial) -> Option<Proposed> {
     if present.len() < 4 || share < LEAST_SHARE {
         return None;
     }
+    // none: a model that these markers do not fit is not proposed
     let tree = RigidTree::of(model, Some(&present)).ok()?;
     let facts = PersonFacts { name: String::new(), sex: None, height_m: None, mass_kg: tree.mass_kg() };
     let spread = PriorSpread { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1 };

@@ -118,6 +118,7 @@ fn undescribed(folder: &Path, logs: &[PathBuf]) -> PipelineError {
     let models: Vec<PathBuf> = walkdir::WalkDir::new(folder)
         .sort_by_file_name()
         .into_iter()
+        // none: only the example of a hint
         .filter_map(Result::ok)
         .filter(|e| e.path().extension().is_some_and(|x| x == "urdf" || x == "xml" || x == "mjcf"))
         .filter_map(|e| e.path().strip_prefix(folder).ok().map(Path::to_path_buf))

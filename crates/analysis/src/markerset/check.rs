@@ -150,6 +150,7 @@ fn of_marker(
     };
     let links: Vec<&str> = model.links.iter().map(|l| l.name.as_str()).collect();
     if !links.contains(&marker.link.as_str()) {
+        // none: only a hint
         let of_whole = catalog::load::<ModelSpec>("models", "human34", Path::new("")).ok();
         let hint = if of_whole.is_some_and(|m| m.links.iter().any(|l| l.name == marker.link)) {
             format!("`model: human34` has it; `{}` has {}", model.name, links.join(", "))

@@ -72,6 +72,9 @@ pub struct Draft {
     pub standing: String,
     /// Recordings that were compared.
     pub recordings: usize,
+    /// Recordings that cannot be read, with the reason; the draft rests on the others.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub not_read: Vec<String>,
     /// The markers, in the order of the recording.
     pub markers: Vec<DraftedMarker>,
 }
@@ -98,8 +101,18 @@ pub(super) fn draft_with(folder: &Path, sets: &[MarkerSet]) -> Result<Draft, Pip
         .par_iter()
         .map(|f| read_file(&stem_of(f), &folder.join(f), None, &ImportOptions::default()).map_err(|e| e.problem))
         .collect();
-    let problem = read.iter().find_map(|r| r.as_ref().err().cloned());
-    let trials: Vec<Trial> = read.into_iter().filter_map(Result::ok).filter(|t| !t.markers.labels.is_empty()).collect();
+    let (mut trials, mut not_read, mut problem) = (Vec::new(), Vec::new(), None);
+    for (file, read) in files.iter().zip(read) {
+        match read {
+            Ok(trial) if trial.markers.labels.is_empty() => {}
+            Ok(trial) => trials.push(trial),
+            Err(why) => {
+                not_read.push(format!("{}: {why}", file.display()));
+                problem.get_or_insert(why);
+            }
+        }
+    }
+    let trials: Vec<Trial> = trials;
     if trials.is_empty() {
         return Err(PipelineError::request_hint(
             format!("{}: no recording with markers could be read", folder.display()),
@@ -121,6 +134,7 @@ pub(super) fn draft_with(folder: &Path, sets: &[MarkerSet]) -> Result<Draft, Pip
         name: name.replace(|c: char| !c.is_alphanumeric() && c != '-' && c != '_', "-").to_lowercase(),
         standing: stand.name.clone(),
         recordings: trials.len(),
+        not_read,
         markers,
     })
 }

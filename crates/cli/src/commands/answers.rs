@@ -6,7 +6,7 @@ use crate::progress::{Counted, Waiting};
 use crate::render::note;
 use crate::stop::Stop;
 use crate::{Success, findings, ladder, next, residuals, show, show_estimators};
-use aloft_analysis::next_step::{NextStep, next_step};
+use aloft_analysis::next_step::{next_step, next_step_of};
 use aloft_analysis::{asked_before, assess, compare, discover, effect, estimators, history, next_flights, parameters};
 use aloft_discover::Told;
 use aloft_study::config::Rows;
@@ -58,7 +58,7 @@ pub fn compare(args: CompareArgs) -> Result<Success, Stop> {
     let show = |session: &SubjectSession, current: bool, found: &compare::ComparisonView| {
         residuals::comparison(found, &by, details)?;
         if by.is_empty() {
-            next::show(&next_step(session, found, current), &session.id, &pipeline);
+            next::show(&next_step(session, found, current)?, &session.id, &pipeline);
         }
         Ok(())
     };
@@ -123,9 +123,7 @@ pub fn discover(args: DiscoverArgs) -> Result<Success, Stop> {
 pub fn history(args: &PipelineArgs, strict: StrictArgs, details: bool, as_json: bool) -> Result<Success, Stop> {
     let show = |session: &SubjectSession, current: bool, found: &effect::History| {
         ladder::history(found, details)?;
-        // a study that was not compared yet has no next step but a run
-        let step = compare::compare(session).map_or(NextStep::Run, |view| next_step(session, &view, current));
-        next::show(&step, &session.id, args);
+        next::show(&next_step_of(session, current)?, &session.id, args);
         Ok(())
     };
     each_step(args, strict, as_json, &history::READS, effect::history, show)

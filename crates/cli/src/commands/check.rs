@@ -8,9 +8,9 @@ use crate::render::{command, note, out, table};
 use crate::screen::Cell;
 use crate::stop::Stop;
 use crate::{Success, next, show_session};
+use aloft_analysis::check;
 use aloft_analysis::freshness::freshness;
-use aloft_analysis::next_step::{NextStep, next_step};
-use aloft_analysis::{check, compare};
+use aloft_analysis::next_step::{Begin, NextStep, next_step_of};
 use aloft_compare::Signal;
 use aloft_study::quote::visible;
 use aloft_study::subject_session::SubjectSession;
@@ -34,9 +34,14 @@ pub fn show(args: &PipelineArgs, details: bool) -> Result<Success, Stop> {
     if !trouble {
         let mut steps = Vec::new();
         for session in &set.members {
-            let current = freshness(session).is_ok_and(|f| f.is_current());
-            let view = if current { compare::compare(session).ok() } else { None };
-            steps.push((&session.id, view.map_or(NextStep::Run, |view| next_step(session, &view, true))));
+            let current = freshness(session)?.is_current();
+            let step = if current { next_step_of(session, true)? } else { NextStep::Run };
+            // the block stands above: written into the pipeline, it takes a run
+            let step = match step {
+                NextStep::Correct { what, begin: Begin::Check } => NextStep::Correct { what, begin: Begin::Setting },
+                other => other,
+            };
+            steps.push((&session.id, step));
         }
         let step = if steps.is_empty() { next::line("run", args, &[]) } else { next::for_all(&steps, args) };
         command("next", &step);

@@ -9,8 +9,8 @@ use crate::progress::Bars;
 use crate::render::{command, json, note, out};
 use crate::stop::Stop;
 use crate::{findings, ladder, next, run_end};
-use aloft_analysis::next_step::{NextStep, next_step};
-use aloft_analysis::{compare, effect, outputs, summary};
+use aloft_analysis::next_step::{NextStep, next_step_of};
+use aloft_analysis::{effect, outputs, summary};
 use aloft_pipeline::runner::RunReport;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::disk;
@@ -89,7 +89,7 @@ fn change_effects(
         ladder::change(&history, details)?;
         trouble |= report.has_trouble();
         let now = session.refreshed()?;
-        steps.push((&session.id, compare::compare(&now).map_or(NextStep::Run, |view| next_step(&now, &view, true))));
+        steps.push((&session.id, next_step_of(&now, true)?));
     }
     // the tables of the study say what its results say
     let now = open_all(args)?;

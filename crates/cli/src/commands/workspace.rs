@@ -1,7 +1,7 @@
 //! What is in a workspace: `aloft status`, `verify`, `summary` and `explain`.
 
 use crate::args::{PipelineArgs, StrictArgs};
-use crate::each::{each, notice};
+use crate::each::{each_member, notice};
 use crate::open::{description_of, open_all, overrides};
 use crate::render::{json, out};
 use crate::stop::Stop;
@@ -9,6 +9,7 @@ use crate::{Success, show as tables, show_workspace};
 use aloft_analysis::freshness::{NotCurrent, freshness};
 use aloft_analysis::outputs::{self, Look};
 use aloft_analysis::{forget, standing, summary, verify};
+use aloft_study::data_set::DataSet;
 use aloft_study::subject_session::SubjectSession;
 use std::cell::Cell;
 
@@ -20,8 +21,9 @@ pub fn status(args: &PipelineArgs, strict: StrictArgs, as_json: bool) -> Result<
         late.set(late.get() || !found.files.is_empty() || !freshness(session)?.is_current());
         Ok(found)
     };
-    let done = each(args, as_json, ask, show_workspace::status)?;
-    let files = files_of_study(args, Look::Quick)?;
+    let set = open_all(args)?;
+    let done = each_member(&set, as_json, ask, show_workspace::status)?;
+    let files = files_of_study(&set, args, Look::Quick)?;
     Ok(strict.judge(done, late.get() || !files.is_empty()))
 }
 
@@ -34,8 +36,9 @@ pub fn verify(args: &PipelineArgs, strict: StrictArgs, as_json: bool) -> Result<
         late.set(late.get() || !found.stale.is_empty());
         Ok(found)
     };
-    let done = each(args, as_json, ask, show_workspace::verified)?;
-    for file in files_of_study(args, Look::Whole)? {
+    let set = open_all(args)?;
+    let done = each_member(&set, as_json, ask, show_workspace::verified)?;
+    for file in files_of_study(&set, args, Look::Whole)? {
         damaged.set(damaged.get() || file.state == "damaged");
         late.set(true);
     }
@@ -43,12 +46,12 @@ pub fn verify(args: &PipelineArgs, strict: StrictArgs, as_json: bool) -> Result<
 }
 
 /// Files of a whole study of several that are not what its results give now; each is named.
-fn files_of_study(args: &PipelineArgs, look: Look) -> Result<Vec<NotCurrent>, Stop> {
+fn files_of_study(set: &DataSet, args: &PipelineArgs, look: Look) -> Result<Vec<NotCurrent>, Stop> {
     // what was made of all of them is not compared with some
     if !args.subject.is_empty() || !args.session.is_empty() {
         return Ok(Vec::new());
     }
-    let files = outputs::of_set(&open_all(args)?, look)?;
+    let files = outputs::of_set(set, look)?;
     files.iter().for_each(show_workspace::file);
     Ok(files)
 }

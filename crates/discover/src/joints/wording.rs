@@ -40,6 +40,7 @@ pub(super) fn joint(j: &JointFinding, found: &[Found], threshold: f64) -> String
         ),
         Verdict::OneOf => {
             let apart = j.effects.first().zip(j.effects.get(1)).and_then(|(a, b)| {
+                // none: a law of the user's own is not in the catalogue
                 let (a, b) = (effect(a).ok()?.about(), effect(b).ok()?.about());
                 Some(format!("; they are told apart by {}", a.told_apart_by(&b)))
             });

@@ -41,7 +41,7 @@ pub(super) fn widened(
         Some(there.iter().zip(&here).map(|(a, b)| (a - b) * theta).collect())
     };
     // the model identifies the coefficients with the parameters held
-    let problem = Problem::new(session, domain, others, options.fewest_trials, options.prior_weight).ok();
+    let problem = Problem::if_possible(session, domain, others, options);
     let by = problem.and_then(|problem| widening_at(session, &problem, &variant, theta)).unwrap_or_default();
     for (coefficient, by) in coefficients.iter_mut().zip(by) {
         coefficient.widening = by;

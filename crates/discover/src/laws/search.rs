@@ -161,7 +161,7 @@ impl Searched<'_, '_> {
             extra.push(self.flights.columns(&f.law, Target::Body, &f.nonlinear, Domain::Flight)?);
         }
         let options = self.options;
-        Problem::new(self.flights, Domain::Flight, &extra, options.fewest_trials, options.prior_weight).ok()
+        Problem::if_possible(self.flights, Domain::Flight, &extra, options)
     }
 
     /// One round on `problem`, which holds the laws of the rounds before: atlas, law in flight, law

@@ -173,6 +173,7 @@ pub(super) fn stated(
     against: Option<&AgainstLaw>,
     seed: u64,
 ) -> Stated {
+    // none: several laws are not a single one
     let single = <&[Step; 1]>::try_from(laws).ok().map(|[law]| law);
     let simpler = |most: usize| {
         single.is_some_and(|law| law.fitted.unknowns < most)

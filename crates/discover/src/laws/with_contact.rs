@@ -98,7 +98,7 @@ pub(super) fn with_contact(
     until: &Until,
     options: &DiscoverOptions,
 ) -> Option<OfBoth> {
-    let all = Problem::new(session, Domain::Both, extra, options.fewest_trials, options.prior_weight).ok()?;
+    let all = Problem::if_possible(session, Domain::Both, extra, options)?;
     let some = with_at_most(session, &all, MOST_STRETCHES, FEWEST);
     let (session, both) = some.as_ref().map_or((session, &all), |(s, p, _)| (s, p));
     let evidence = Evidence::new(both, DRAWS, options.seed)?;

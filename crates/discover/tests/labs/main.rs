@@ -186,6 +186,7 @@ fn validate_labs() {
         word("ALOFT_LABS_SIZES", "0.5 1 2 4").split_whitespace().map(|s| s.parse().unwrap()).collect();
     let wanted = |effect: &str| only.is_empty() || only.split_whitespace().any(|o| o == effect);
     let mut lines: Vec<Line> = std::fs::read_to_string(&path)
+        .ok()
         .unwrap_or_default()
         .lines()
         .filter_map(|l| serde_json::from_str(l).ok())

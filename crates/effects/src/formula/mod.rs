@@ -161,6 +161,7 @@ impl FormulaEffect {
             laws.chain(self.definitions.iter().map(|d| &d.formula))
         };
         for (i, d) in self.definitions.iter().enumerate() {
+            // none: a formula that cannot be read is refused when it is compiled
             if !texts().any(|t| parse::parse(t).is_ok_and(|n| n.is_named(&d.name))) {
                 let text = format!("`{}` stands in no formula", d.name);
                 return Err(self.wrong(&format!("definitions[{i}].name"), text));

@@ -84,6 +84,7 @@ fn tokens(text: &str) -> Result<Vec<(usize, Token)>, Problem> {
             let word: String = chars[start..i].iter().collect();
             match word.parse() {
                 Ok(x) => out.push((start, Token::Number(x))),
+                // none: the error names the word
                 Err(_) => return problem(start, format!("`{word}` is no number")),
             }
         } else if c.is_ascii_alphabetic() || c == '_' {

@@ -107,6 +107,7 @@ pub(super) fn quantity(scene: &Scene, name: &str) -> Option<(Quantity, Unit)> {
     let component = |names: &str| names.split(' ').position(|n| n == name);
     let found = QUANTITIES.iter().find_map(|(names, unit, _, of)| Some((of(component(names)?), *unit)));
     match found {
+        // none: the units of this table can be read
         Some((quantity, unit)) => Some((quantity, Unit::parse(unit).ok()?)),
         None => of_joint(scene, name),
     }

@@ -172,7 +172,7 @@ fn compare_with<T>(
     let prior = subject.prior_phi();
     let body = Body { model: &subject.model, base: &base, prior: &prior };
     let spec = low_pass(&params.filter);
-    let again = |m: &Motion| smooth(&subject.model, m, Some(spec)).ok();
+    let again = |m: &Motion| smooth(&subject.model, m, Some(spec)).map_err(|e| e.to_string());
     let options = CompareOptions {
         noise_draws: if let Floor::Drawn(draws, _) = floor { draws } else { CompareOptions::default().noise_draws },
         ..compare_options(params, subject)
@@ -245,7 +245,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         with_effects |= i == 0 && !parameters.effects.is_empty();
         let name = if i == 0 { "identified".to_owned() } else { from_rows(rows, !without) };
         let factors = training_factors(inputs, rows, params.contact)?;
-        let parts = each_without(&Predicting::like(&subject, &parameters)?, &names, &factors, &parameters);
+        let parts = each_without(&Predicting::like(&subject, &parameters)?, &names, &factors, &parameters)?;
         if i == 0 {
             left_out = parts.iter().map(|p| p.left_out).collect();
         }
@@ -260,6 +260,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         left_out.fill(true);
     }
     let key = floor_key(params, inputs, &compare_options(params, &subject));
+    // none: a floor that cannot be read is drawn again
     let stored = inputs.earlier().and_then(|place| read_json::<StoredFloor>(&place.join(NOISE_FLOOR_FILE)).ok());
     let earlier = stored.filter(|f| f.key == key);
     let plain = if earlier.is_some() { None } else { plain_model(params, inputs, &subject, chosen)? };
@@ -281,10 +282,13 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         names.par_iter().map(|n| Ok((n.clone(), tare_readings(results, n)?))).collect::<Result<_, StageFailure>>()?
     };
     let listed = params.effects.recordings.as_deref().unwrap_or_default();
-    let times = OnceLock::new();
-    let calendar = || {
-        let read = || Arc::new(Calendar::from_order(listed, &inputs.expected(), results.workspace()));
-        Ok(Arc::clone(times.get_or_init(read)))
+    let times: OnceLock<Arc<Calendar>> = OnceLock::new();
+    let calendar = || -> Result<Arc<Calendar>, StageFailure> {
+        if let Some(known) = times.get() {
+            return Ok(Arc::clone(known));
+        }
+        let read = Arc::new(Calendar::from_order(listed, &inputs.expected(), results.workspace())?);
+        Ok(Arc::clone(times.get_or_init(|| read)))
     };
     let zeros = SessionZeros::new(results, &names);
     let load = |name: &str| {

@@ -68,17 +68,20 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     // how much of the root's path each cut-off would remove; helps to choose one
     let root: Vec<Vec<f64>> = (0..3).map(|i| motion.q.iter().skip(i).step_by(motion.nq).copied().collect()).collect();
     let channels: Vec<&[f64]> = root.iter().map(Vec::as_slice).collect();
-    if let Ok(analysis) = residual_analysis(&channels, motion.rate_hz, spec, &default_cutoffs(motion.rate_hz)) {
-        if let Some(hz) = analysis.suggested_cutoff_hz {
-            done.note("suggested_cutoff_hz", hz);
+    match residual_analysis(&channels, motion.rate_hz, spec, &default_cutoffs(motion.rate_hz)) {
+        Ok(analysis) => {
+            if let Some(hz) = analysis.suggested_cutoff_hz {
+                done.note("suggested_cutoff_hz", hz);
+            }
+            write_json(&inputs.out.join("residual_analysis.json"), &analysis)?;
         }
-        write_json(&inputs.out.join("residual_analysis.json"), &analysis)?;
+        // it only helps to choose a cut-off: the motion is filtered with the one that was chosen
+        Err(e) => done.warnings.push(format!("no residual analysis: {e}")),
     }
-    if let Ok(facts) = spec.describe(motion.rate_hz) {
-        done.note("effective_order", facts.effective_order);
-        done.note("design_cutoff_hz", facts.design_cutoff_hz);
-        done.note("true_minus3db_hz", facts.true_minus3db_hz);
-    }
+    let facts = spec.describe(motion.rate_hz).map_err(|e| StageFailure::new(e.to_string()))?;
+    done.note("effective_order", facts.effective_order);
+    done.note("design_cutoff_hz", facts.design_cutoff_hz);
+    done.note("true_minus3db_hz", facts.true_minus3db_hz);
     let lost = (0..motion.n_frames()).filter(|f| motion.is_valid(*f) && !smoothed.is_valid(*f)).count();
     if lost > 0 {
         done.warnings.push(format!("{lost} frames are in runs too short for the filter"));

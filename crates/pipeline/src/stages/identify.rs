@@ -269,7 +269,13 @@ impl Predicting {
 
     /// The same for each trial without its factors. For `n` trials the merging costs `3 n` steps in
     /// all, not `n` for each.
-    pub fn solve_without_each(&self, factors: &[&Factor]) -> HashMap<String, Result<PointEstimate, StageFailure>> {
+    ///
+    /// # Errors
+    /// The factors do not fit together.
+    pub fn solve_without_each(
+        &self,
+        factors: &[&Factor],
+    ) -> Result<HashMap<String, Result<PointEstimate, StageFailure>>, StageFailure> {
         let weighed = self.weighed(factors);
         let mut names: Vec<&str> = Vec::new();
         let mut group: HashMap<&str, usize> = HashMap::new();
@@ -283,10 +289,12 @@ impl Predicting {
             })
             .collect();
         // with a single trial nothing is left
-        let Ok(found) = leave_group_out(&weighed, &groups, |_, rest| self.solve_merged(rest)) else {
-            return HashMap::new();
-        };
-        names.iter().map(|n| (*n).to_owned()).zip(found).collect()
+        if names.len() < 2 {
+            return Ok(HashMap::new());
+        }
+        let found = leave_group_out(&weighed, &groups, |_, rest| self.solve_merged(rest))
+            .map_err(|e| StageFailure::new(e.to_string()))?;
+        Ok(names.iter().map(|n| (*n).to_owned()).zip(found).collect())
     }
 
     /// Weighed and merged factors in coordinates from which a browser estimates; none for an

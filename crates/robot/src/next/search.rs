@@ -233,6 +233,7 @@ impl Space<'_> {
                     let Some((tried, motion)) = self.within(robot, x) else { return Ok(None) };
                     match robot.rows(&motion) {
                         Ok(rows) => Ok(Some((known.left_with(&rows, 1.0)?, tried))),
+                        // none: a flight that is too short for a window is no candidate
                         Err(_) => Ok(None),
                     }
                 })

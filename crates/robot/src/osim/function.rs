@@ -16,6 +16,7 @@ pub(crate) enum Function {
 }
 
 pub(crate) fn numbers(text: &str) -> Option<Vec<f64>> {
+    // none: the caller names the element
     text.split_whitespace().map(|w| w.parse::<f64>().ok().filter(|x| x.is_finite())).collect()
 }
 

@@ -115,6 +115,7 @@ impl OsimModel {
                 root.tag_name().name()
             )));
         }
+        // none: a file without a version is refused in the next line
         let version: u32 = root.attribute("Version").and_then(|v| v.parse().ok()).unwrap_or(0);
         if version < 40000 {
             return Err(problem(format!(

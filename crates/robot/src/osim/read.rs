@@ -44,11 +44,24 @@ pub(super) fn last(path: &str) -> &str {
     path.rsplit('/').next().unwrap_or(path)
 }
 
+/// The number in an element, `missing` where there is none; anything else is refused.
+fn number_or(node: Node<'_, '_>, element: &str, missing: f64, of: &str, refused: &mut Refused) -> f64 {
+    match numbers(text(node, element)).as_deref() {
+        Some([]) => missing,
+        Some([number]) => *number,
+        _ => {
+            refused.add(format!("`{element}` of `{of}`, which is `{}`", text(node, element)));
+            missing
+        }
+    }
+}
+
 /// Bodies by name with their inertia in the body's frame.
 pub(super) fn bodies(model: Node<'_, '_>, refused: &mut Refused) -> BTreeMap<String, LinkInertia> {
     let mut out = BTreeMap::new();
     for node in objects(model, "BodySet") {
         let name = node.attribute("name").unwrap_or_default();
+        // none: a body without a mass is refused below
         let mass = text(node, "mass").parse::<f64>().ok().filter(|m| m.is_finite() && *m >= 0.0);
         let inertia = numbers(text(node, "inertia"));
         match (node.tag_name().name(), mass, vector(node, "mass_center"), inertia.as_deref()) {
@@ -113,11 +126,15 @@ fn coordinate(node: Node<'_, '_>, refused: &mut Refused) -> Option<RawCoordinate
     if prescribed && text(node, "prescribed") == "true" {
         refused.add(format!("the coordinate `{name}` prescribed by a function of time"));
     }
-    let range = match numbers(text(node, "range")).as_deref() {
+    let stated = numbers(text(node, "range"));
+    if stated.is_none() {
+        refused.add(format!("the range `{}` of the coordinate `{name}`", text(node, "range")));
+    }
+    let range = match stated.as_deref() {
         Some(&[low, high]) if low <= high && text(node, "clamped") == "true" => Some([low, high]),
         _ => None,
     };
-    let default = text(node, "default_value").parse::<f64>().ok().filter(|v| v.is_finite()).unwrap_or(0.0);
+    let default = number_or(node, "default_value", 0.0, &name, refused);
     Some(RawCoordinate { name, default, range, locked: text(node, "locked") == "true" })
 }
 
@@ -216,7 +233,7 @@ pub(super) fn couplers(model: Node<'_, '_>, refused: &mut Refused) -> Vec<(Strin
         match (kind, independent.as_slice(), function) {
             ("CoordinateCouplerConstraint", [on], Some(function)) => match Function::read(function) {
                 Ok(f) => {
-                    let scale = text(node, "scale_factor").parse::<f64>().unwrap_or(1.0);
+                    let scale = number_or(node, "scale_factor", 1.0, name, refused);
                     let dependent = text(node, "dependent_coordinate_name").to_owned();
                     out.push((dependent, (*on).to_owned(), Function::Scaled(Box::new(f), scale)));
                 }

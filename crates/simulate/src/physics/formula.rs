@@ -197,6 +197,7 @@ fn tokens(text: &str) -> Result<Vec<(usize, Token)>, Problem> {
             let word: String = chars[start..i].iter().collect();
             match word.parse() {
                 Ok(x) => out.push((start, Token::Number(x))),
+                // none: the error names the word
                 Err(_) => return problem(start, format!("`{word}` is not a number")),
             }
         } else if c.is_alphabetic() || c == '_' {

@@ -57,13 +57,13 @@ pub(super) fn each_without(
     trials: &[String],
     factors: &[(Stretch, Factor)],
     all: &Parameters,
-) -> Vec<Without> {
+) -> Result<Vec<Without>, StageFailure> {
     let effects = Parameters::coefficients;
     let of =
         |p: &Parameters, left_out, remark| Without { base: p.base_values(), effects: effects(p), left_out, remark };
     let every: Vec<&Factor> = factors.iter().map(|(_, f)| f).collect();
-    let mut without = predicting.solve_without_each(&every);
-    trials
+    let mut without = predicting.solve_without_each(&every)?;
+    let each = trials
         .iter()
         .map(|t| {
             let own = factors.iter().filter(|(s, _)| s.trial == *t).count();
@@ -83,7 +83,8 @@ pub(super) fn each_without(
                 Err(e) => of(all, false, Some(format!("{} could not be left out: {}", t, e.problem))),
             }
         })
-        .collect()
+        .collect();
+    Ok(each)
 }
 
 /// The model without effects, through which noise is propagated; none if nothing was identified.
