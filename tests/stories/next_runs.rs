@@ -3,6 +3,7 @@
 
 use crate::support::{expect, folder, json, repo};
 use serde_json::Value;
+use std::cell::RefCell;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -14,6 +15,8 @@ struct Followed {
     dir: tempfile::TempDir,
     pipeline: PathBuf,
     data: PathBuf,
+    /// Verdicts of `discover`, in order.
+    verdicts: RefCell<Vec<String>>,
 }
 
 impl Followed {
@@ -30,7 +33,7 @@ impl Followed {
         let own = dir.path().join("study.yaml");
         let text = fs::read_to_string(repo(&format!("pipelines/{pipeline}.yaml"))).unwrap();
         fs::write(&own, text.replace("../fixtures", &repo("fixtures"))).unwrap();
-        Self { dir, pipeline: own, data }
+        Self { dir, pipeline: own, data, verdicts: RefCell::default() }
     }
 
     fn at(&self) -> Vec<String> {
@@ -46,24 +49,26 @@ impl Followed {
         Some(shell_words(&line))
     }
 
-    fn errors_after(&self) -> Vec<Value> {
+    /// What an answer promises: places, and the errors there.
+    fn promised(&self) -> Vec<(String, f64)> {
         let words = [vec!["discover".to_owned()], self.at(), vec!["--json".to_owned()]].concat();
         let found = json(&words.iter().map(String::as_str).collect::<Vec<_>>());
-        found["errors_after"].as_array().unwrap().clone()
+        self.verdicts.borrow_mut().push(found["verdict"].as_str().unwrap().to_owned());
+        errors(&found["errors_after"])
     }
 
-    /// Held-out errors of the last rung.
-    fn reached(&self) -> Vec<Value> {
+    /// Held-out errors of the last rung, likewise.
+    fn reached(&self) -> Vec<(String, f64)> {
         let words = [vec!["history".to_owned()], self.at(), vec!["--json".to_owned()]].concat();
         let history = json(&words.iter().map(String::as_str).collect::<Vec<_>>());
-        history["revisions"].as_array().unwrap().last().unwrap()["errors"].as_array().unwrap().clone()
+        errors(&history["revisions"].as_array().unwrap().last().unwrap()["errors"])
     }
 
     /// Follows what is proposed, from `run` on, until the report is; the verbs in their order. Once
     /// all that an answer names is in the model, its error is the promised one.
     fn follow(&self) -> Vec<String> {
         let mut verbs = Vec::new();
-        let mut promised: Vec<Value> = Vec::new();
+        let mut promised: Vec<(String, f64)> = Vec::new();
         let mut next = self.call(&[vec!["run".to_owned()], self.at()].concat());
         while let Some(words) = next.filter(|_| verbs.len() < MOST) {
             assert_eq!(words[0], "aloft", "{words:?}");
@@ -71,14 +76,13 @@ impl Followed {
             verbs.push(if is_effect { words[1..3].join(" ") } else { words[1].clone() });
             next = self.call(&words[1..]);
             match verbs.last().unwrap().as_str() {
-                "discover" => promised = self.errors_after(),
+                "discover" => promised = self.promised(),
                 "effect add" if next.as_ref().is_none_or(|n| n[1] != "effect") => {
                     assert!(!promised.is_empty(), "{verbs:?}");
                     let reached = self.reached();
-                    for e in &promised {
-                        let now = reached.iter().find(|r| r["judged_on"] == e["judged_on"]).unwrap();
-                        let (a, b) = (now["held_out_error"].as_f64().unwrap(), e["held_out_error"].as_f64().unwrap());
-                        assert!((a / b - 1.0).abs() < 1e-6, "{a} N, promised {b} N in {}", e["judged_on"]);
+                    for (name, b) in &promised {
+                        let (_, a) = reached.iter().find(|r| r.0 == *name).unwrap();
+                        assert!((a / b - 1.0).abs() < 1e-6, "{a}, promised {b} in {name}");
                     }
                 }
                 "report" | "check" => break,
@@ -87,6 +91,12 @@ impl Followed {
         }
         verbs
     }
+}
+
+/// Held-out errors of a list, by the place where they are judged.
+fn errors(list: &Value) -> Vec<(String, f64)> {
+    let of = |e: &Value| (e["judged_on"].as_str().unwrap().to_owned(), e["held_out_error"].as_f64().unwrap());
+    list.as_array().unwrap().iter().map(of).collect()
 }
 
 /// The words of a command line, as a shell separates them.
@@ -135,6 +145,35 @@ fn what_is_proposed_for_a_correction_runs() {
 }
 
 #[test]
+fn what_is_proposed_where_effects_cannot_be_told_apart_runs_and_keeps_its_promise() {
+    let study = chain("{effect: linear_drag, coefficient_nspm: 0.012}", FEW);
+    assert_eq!(study.follow(), ["discover", "effect add", "report"]);
+    assert_eq!(*study.verdicts.borrow(), ["one_of"], "the test has lost its case");
+}
+
+#[test]
+fn what_is_proposed_where_nothing_can_be_detected_runs() {
+    let body = "{kind: chain, throws: {recordings: 2, throws: 3}}";
+    let text = format!("name: few\nseed: 64\nbody: {body}\ncapture: {{marker_noise_m: 0.0003}}\nhidden: []\n");
+    let study = Followed::simulated(&text, "chain");
+    assert_eq!(study.follow(), ["discover", "report"]);
+    assert_eq!(*study.verdicts.borrow(), ["not_detectable"], "the test has lost its case");
+}
+
+/// No effect of the catalogue explains a force that pulses; a law does, which is added by its name.
+#[test]
+fn what_is_proposed_for_what_the_catalogue_does_not_explain_runs_and_keeps_its_promise() {
+    let study = chain(PULSE, FEW);
+    assert_eq!(study.follow(), ["discover", "effect add", "report"]);
+    assert_eq!(*study.verdicts.borrow(), ["unexplained"], "the test has lost its case");
+}
+
+/// A force that pulses at 4.7 Hz: faster than the bounds of its frequency once allowed for
+/// recordings of this length.
+const PULSE: &str = "{effect: thrust, link: link1, point_m: [-0.1, 0.0, 0.0], force_n: [0.0, 0.6, 0.0], \
+    period_s: 0.21277, on_s: 0.05}";
+
+#[test]
 #[ignore = "half a minute of a processor each: effects that cannot be told apart, two effects, loads, laws"]
 fn what_is_proposed_for_several_effects_and_for_laws_runs_and_keeps_its_promise() {
     let many = "{recordings: 3, throws: 6, carry_s: [0.9, 1.1], static_s: 0.8, calibration_s: 6.0}";
@@ -146,10 +185,6 @@ fn what_is_proposed_for_several_effects_and_for_laws_runs_and_keeps_its_promise(
         protocol: {jumps: 6, exercises: 2, exercise_s: 3.0}}\nhidden: [{effect: payload, link: hand_r, \
         point_m: [0.0, -0.06, 0.0], mass_kg: 1.2, trials: [jump04, jump05, jump06, exercise02]}]\n";
     assert_eq!(Followed::simulated(load, "human").follow()[..2], ["discover", "effect add"]);
-    // a law of the clock, faster than the bounds of its frequency allowed for recordings of this
-    // length
-    let pulse = "{effect: thrust, link: link1, point_m: [-0.1, 0.0, 0.0], force_n: [0.0, 0.6, 0.0], \
-        period_s: 0.21277, on_s: 0.05}";
-    let verbs = chain(pulse, "{recordings: 5, throws: 6}").follow();
+    let verbs = chain(PULSE, "{recordings: 5, throws: 6}").follow();
     assert_eq!(verbs, ["discover", "effect add", "report"]);
 }
