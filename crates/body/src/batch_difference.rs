@@ -136,7 +136,7 @@ mod tests {
             let mut q = model.neutral();
             model.integrate(&model.neutral(), &dv, &mut q);
             // neither the sign nor the length of a quaternion matters
-            if k % 3 == 0 {
+            if k.is_multiple_of(3) {
                 q[3..7].iter_mut().for_each(|x| *x *= -1.001);
             }
             q

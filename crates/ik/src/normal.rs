@@ -180,7 +180,7 @@ impl Packed {
             }
         }
         let enough = |at: usize, pivot: f64| pivot > 1e-13 * source.values[at] && pivot > 0.0;
-        tree.joints.iter().rev().all(|joint| self.eliminate_joint(tree, joint, &enough))
+        tree.joints.iter().rev().all(|joint| self.eliminate_joint(tree, joint, enough))
     }
 
     /// Eliminates the rows of a joint as [`Packed::eliminate`] does one by one, three of them at

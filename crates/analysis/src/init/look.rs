@@ -150,11 +150,15 @@ pub(super) fn look(
                     return Err(Unread { relative, failure, people });
                 }
             };
+            let unit = match stated_unit(&path) {
+                Ok(unit) => unit,
+                Err(failure) => return Err(Unread { relative, failure: failure.into(), people: Vec::new() }),
+            };
             let mut stated = StatedFacts::of(&path);
             if stated.subject.is_none() {
                 stated.subject.clone_from(&trial.person);
             }
-            Ok(Determination { relative, stem, unit: stated_unit(&path), stated, trial })
+            Ok(Determination { relative, stem, unit, stated, trial })
         })
         .collect();
     let mut seen = Vec::new();
@@ -168,31 +172,28 @@ pub(super) fn look(
     (seen, broken)
 }
 
-/// Length unit that a file states: POINT:UNITS of C3D, `Units` of TRC.
-fn stated_unit(path: &Path) -> String {
+/// Length unit that a file states: POINT:UNITS of C3D, `Units` of TRC; empty if it states none.
+fn stated_unit(path: &Path) -> Result<String, PipelineError> {
     if is_bids(path) {
         let channels = bids_beside(path).into_iter().find(|p| p.to_string_lossy().ends_with("_channels.tsv"));
-        // none: `init` names recordings that cannot be read
-        let text = channels.and_then(|p| input::text(&p).ok()).unwrap_or_default();
+        let Some(channels) = channels else { return Ok(String::new()) };
+        let text = input::text(&channels)?;
         let at = text.lines().next().and_then(|h| h.split('\t').position(|c| c.trim() == "units"));
         let position = text.lines().find(|l| l.split('\t').any(|c| c.trim() == "POS"));
-        return position
-            .zip(at)
-            .and_then(|(l, i)| l.split('\t').nth(i))
-            .map(|u| u.trim().to_owned())
-            .unwrap_or_default();
+        let unit = position.zip(at).and_then(|(l, i)| l.split('\t').nth(i));
+        return Ok(unit.map(|u| u.trim().to_owned()).unwrap_or_default());
     }
-    // none: as above
-    let Ok(bytes) = input::bytes(path) else { return String::new() };
+    let bytes = input::bytes(path)?;
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("c3d")) {
-        // none: as above
-        return aloft_c3d::C3dFile::from_bytes(&bytes).ok().map(|f| f.point_unit.trim().to_owned()).unwrap_or_default();
+        // none: the reader before has said what is damaged
+        let file = aloft_c3d::C3dFile::from_bytes(&bytes).ok();
+        return Ok(file.map(|f| f.point_unit.trim().to_owned()).unwrap_or_default());
     }
     let text = String::from_utf8_lossy(&bytes);
     let mut lines = text.lines().skip(1);
     let (keys, values) = (lines.next().unwrap_or_default(), lines.next().unwrap_or_default());
     let place = keys.split('\t').position(|k| k.trim() == "Units");
-    place.and_then(|i| values.split('\t').nth(i)).map(|u| u.trim().to_owned()).unwrap_or_default()
+    Ok(place.and_then(|i| values.split('\t').nth(i)).map(|u| u.trim().to_owned()).unwrap_or_default())
 }
 
 /// True for quiet standing: the median marker moves less than 2 cm about its mean.
