@@ -137,6 +137,10 @@ pub struct ParametersBrief {
     /// motion no say.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub held_by_prior: bool,
+    /// What the model's joints and marker places add to the noise of the markers, where that keeps
+    /// the gate from passing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub misfit: Option<String>,
     /// Body mass, kg.
     pub mass_kg: f64,
     /// Why nothing was identified, so that the compared model is the table's body; none if
@@ -160,6 +164,7 @@ impl ParametersBrief {
             to_do: to_do(p),
             hidden_by_error: false,
             held_by_prior: false,
+            misfit: p.gate.misfit.clone(),
             mass_kg: p.mass_kg,
             sigma_ratio: p.sigma.ratio,
             sigma: p.sigma,
@@ -180,6 +185,7 @@ impl ParametersBrief {
             to_do: None,
             hidden_by_error: false,
             held_by_prior: false,
+            misfit: None,
             mass_kg,
             sigma_ratio: none,
             sigma: Sigma { max: none, second: none, min: none, ratio: none },
@@ -335,11 +341,23 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
             "the weight of the prior (`identify: {{prior_weight: {stated}}}`) holds the parameters at the tables: remove it, then run again"
         ));
     }
+    if brief.misfit.is_some() {
+        // what is to be corrected says it
+        (brief.hidden_by_error, brief.held_by_prior, brief.to_do) = (false, false, None);
+    }
     let rows_of_trials = kinematics(session, &ws)?;
     let impulse_mass = impulse_mass(session, &ws, &rows_of_trials)?;
     // without the whole body only the labels of the static trial can be judged
     let to_correct = match limits.is_empty() {
-        true => to_correct(session, &ws, &comparison, &rows_of_trials, impulse_mass.as_ref(), weight)?,
+        true => to_correct(
+            session,
+            &ws,
+            &comparison,
+            &rows_of_trials,
+            impulse_mass.as_ref(),
+            brief.misfit.as_deref(),
+            weight,
+        )?,
         false => of_static(&ws)?,
     };
     let best = best_grades(gate_passed, to_correct.as_ref());

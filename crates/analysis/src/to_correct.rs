@@ -6,15 +6,12 @@
 
 use crate::impulse_mass::ImpulseMassView;
 use crate::kinematics::KinematicsRow;
-use crate::marker_noise::white_noise_mm;
 use crate::plates_follow::plates_follow;
 use aloft_compare::{Comparison, GroupedBy, TrialComparison, significant};
 use aloft_flight::FlightReport;
 use aloft_scale::{ScaleReport, ScaleWarning};
 use aloft_signal::median;
 use aloft_study::subject_session::SubjectSession;
-use aloft_workspace::artifact::load_markers;
-use aloft_workspace::disk::is_there;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
@@ -63,6 +60,7 @@ pub(crate) fn to_correct(
     comparison: &Comparison,
     rows: &[KinematicsRow],
     impulse: Option<&ImpulseMassView>,
+    misfit: Option<&str>,
     weight_n: f64,
 ) -> Result<Option<ToCorrect>, PipelineError> {
     let wrong_mass = || {
@@ -75,11 +73,8 @@ pub(crate) fn to_correct(
     if let Some(found) = of_static(ws)? {
         return Ok(Some(found));
     }
-    if session.object.is_some()
-        && let Some(floor_n) = loud_floor(comparison, weight_n)
-        && let Some(found) = of_misfit(&misfits(ws, rows)?, floor_n)
-    {
-        return Ok(Some(found));
+    if let Some(words) = misfit {
+        return Ok(Some(ToCorrect { words: words.to_owned(), first: true, void: true, offered: false }));
     }
     if let Some(found) = of_floors(&floors(comparison), weight_n) {
         return Ok(Some(found));
@@ -159,65 +154,6 @@ fn markers(comparison: &Comparison, rows: &[KinematicsRow], weight_n: f64) -> Op
 /// tissue at 1.5 %; 5 mm on a chain of 0.3 m, which moves inertias by more than their intervals, at
 /// 9 to 16 %.
 pub(crate) const LOUD: f64 = 0.05;
-
-/// Floor in flight as a share of the weight from which markers that do not fit an object count:
-/// white noise of up to 1 mm on simulated chains leaves less than 0.6 %.
-const FLOOR_OF_OBJECT: f64 = 0.01;
-/// Error of the markers on an object over what their white noise leaves, from which it is no noise:
-/// the noise is then at most a ninth of its mean square. On simulated chains with nothing wrong it
-/// is 0.86, with a marker put back 12 mm elsewhere 3.0, with an elastic hinge 18.
-const MISFIT: f64 = 3.0;
-
-/// The floor in flight, N, where it is no noise of cameras.
-fn loud_floor(comparison: &Comparison, weight_n: f64) -> Option<f64> {
-    let floor = comparison.against_floor.iter().find(|a| a.judged_on == "flight")?.floor?.noise_floor;
-    (floor > FLOOR_OF_OBJECT * weight_n).then_some(floor)
-}
-
-/// How far the markers of a recording lie off the model, and what their white noise leaves, mm.
-struct Misfit {
-    rms_mm: f64,
-    noise_mm: f64,
-}
-
-fn misfits(ws: &Workspace, rows: &[KinematicsRow]) -> Result<Vec<Misfit>, PipelineError> {
-    let mut all = Vec::new();
-    for row in rows {
-        let place = ws.place("import", &row.trial);
-        let Some(rms_mm) = row.marker_rms_mm else { continue };
-        if !is_there(&place.join("trial.json"))? {
-            continue;
-        }
-        // the error is a distance, the noise that of one axis
-        let noise_mm = white_noise_mm(&load_markers(&place)?.markers).map(|axis| 3f64.sqrt() * axis);
-        all.extend(noise_mm.filter(|n| *n > 0.0).map(|noise_mm| Misfit { rms_mm, noise_mm }));
-    }
-    Ok(all)
-}
-
-/// An object whose markers lie so far off the model that the model cannot move as the object does.
-/// The floor is drawn from these distances, so that it holds the model's own error.
-fn of_misfit(all: &[Misfit], floor_n: f64) -> Option<ToCorrect> {
-    let middle = |of: &dyn Fn(&Misfit) -> f64| median(&mut all.iter().map(of).collect::<Vec<f64>>());
-    if all.is_empty() {
-        return None;
-    }
-    let (rms_mm, noise_mm) = (middle(&|m| m.rms_mm), middle(&|m| m.noise_mm));
-    let times = rms_mm / noise_mm;
-    (times > MISFIT).then(|| ToCorrect {
-        words: format!(
-            "check the joints and link frames (object description, calibration trial, markers put back elsewhere): the markers lie {} mm off \
-             the model, {} times what their noise leaves, so the model cannot move as the object does; the floor of {} N holds that error, \
-             and nothing is judged by it",
-            significant(rms_mm, 2),
-            significant(times, 2),
-            significant(floor_n, 3)
-        ),
-        first: true,
-        void: true,
-        offered: false,
-    })
-}
 
 /// Floor of a recording over that of the session's others of the same kind from which it is spoilt:
 /// what its own markers leave is then most of the session's floor, and hides as much in all others.
@@ -419,16 +355,6 @@ mod tests {
     fn fall(trial: &str, ratio: f64, leans_deg: f64) -> Fall {
         let differs = (ratio - 1.0).abs() > 0.02 || leans_deg > 1.0;
         Fall { trial: trial.to_owned(), ratio, leans_deg, differs }
-    }
-
-    #[test]
-    fn an_object_whose_markers_do_not_fit_is_not_judged_by_the_floor_that_they_make() {
-        let each = |rms_mm: f64| (0..5).map(|_| Misfit { rms_mm, noise_mm: 0.52 }).collect::<Vec<_>>();
-        let found = of_misfit(&each(9.4), 0.44).unwrap();
-        assert!(found.first && found.void);
-        assert!(found.words.contains("lie 9.4 mm off the model, 18 times what their noise leaves"), "{}", found.words);
-        assert_eq!(of_misfit(&each(0.45), 0.44), None, "noise");
-        assert_eq!(of_misfit(&[], 0.44), None);
     }
 
     #[test]

@@ -70,6 +70,7 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
     let rest = if tables > 0 { format!("{scale}, {tables} from tables") } else { scale };
     let gate = match (p.gate_passed, p.held_by_prior, p.hidden_by_error) {
         (true, ..) => "gate passed",
+        _ if p.misfit.is_some() => "gate not passed: joints or markers are not where the model has them",
         (false, true, _) => "gate not passed: the stated weight of the prior holds the body at the tables",
         (false, false, true) => "gate not passed: the error is too large to determine the body",
         (false, false, false) => "gate not passed: too little motion to determine the body",

@@ -42,6 +42,7 @@
 
 use crate::frame::Solver;
 use crate::problem::{Hinge, Problem};
+use crate::segments::{Cluster, clusters};
 use crate::solve::match_markers;
 use crate::tree::{NONE, Pose, Tree};
 use crate::{IkError, IkOptions};
@@ -108,6 +109,32 @@ impl MarkerErrors {
     /// # Errors
     /// As [`solve`](crate::solve()).
     pub fn of(subject: &Subject, trial: &Trial, motion: &Motion, options: &IkOptions) -> Result<Option<Self>, IkError> {
+        Self::of_residuals(subject, trial, motion, options, &[])
+    }
+
+    /// The same for a body without skin: errors of markers of a link that has three or more are
+    /// read from the link's own rigid fit ([`mod@crate::segments`]), so that an error of the
+    /// model's joints or of a marker's place does not count as noise.
+    ///
+    /// # Errors
+    /// As [`solve`](crate::solve()).
+    pub fn of_rigid(
+        subject: &Subject,
+        trial: &Trial,
+        motion: &Motion,
+        options: &IkOptions,
+    ) -> Result<Option<Self>, IkError> {
+        let clusters: Vec<Cluster> = clusters(subject, trial).into_iter().flatten().collect();
+        Self::of_residuals(subject, trial, motion, options, &clusters)
+    }
+
+    fn of_residuals(
+        subject: &Subject,
+        trial: &Trial,
+        motion: &Motion,
+        options: &IkOptions,
+        clusters: &[Cluster],
+    ) -> Result<Option<Self>, IkError> {
         let mut problem = Problem::new(subject, options)?;
         // Markers that were never visible carry no information and do not affect the fit.
         let ever = |label: &str| {
@@ -133,12 +160,32 @@ impl MarkerErrors {
                 out[f] = pose.rotation[marker.link].transpose() * (seen - pose.origin[marker.link]) - marker.position;
             }
         }
+        let label = |m: &crate::problem::Tracked| subject.markers.iter().position(|s| s.label == m.label);
+        let of_subject: Vec<usize> = problem.markers.iter().map(|m| label(m).unwrap_or(usize::MAX)).collect();
+        for cluster in clusters {
+            for (own, m) in cluster.residual.iter().zip(&cluster.markers) {
+                if let Some(at) = of_subject.iter().position(|i| i == m) {
+                    residual[at] = own.clone();
+                    residual[at].resize(motion.n_frames(), Vector3::repeat(f64::NAN));
+                }
+            }
+        }
         let lag = ((LAG_S * motion.rate_hz).round() as usize).max(1);
         residual.iter_mut().for_each(|r| bridge(r));
         let seen: Vec<f64> = residual.iter().map(|r| mean_square(r, lag)).collect();
-        let label = |m: &crate::problem::Tracked| subject.markers.iter().position(|s| s.label == m.label);
         let stream = problem.markers.iter().map(|m| label(m).unwrap_or(0) as u64).collect();
-        let kept = kept_shares(&problem, motion, &solved);
+        let mut kept = kept_shares(&problem, motion, &solved);
+        for cluster in clusters {
+            let Some(shares) = cluster.kept() else { continue };
+            let at: Vec<Option<usize>> =
+                cluster.markers.iter().map(|m| of_subject.iter().position(|i| i == m)).collect();
+            for (a, row) in at.iter().enumerate().filter_map(|(a, row)| Some((a, (*row)?))) {
+                kept.row_mut(row).fill(0.0);
+                for (b, column) in at.iter().enumerate().filter_map(|(b, column)| Some((b, (*column)?))) {
+                    kept[(row, column)] = shares[(a, b)];
+                }
+            }
+        }
         let size = sizes(&kept, &seen);
         let speaks: Vec<bool> = (0..seen.len()).map(|m| kept[(m, m)] >= 3.0 * SPEAKS && seen[m] > 0.0).collect();
         let courses = independent_courses(&residual, lag);

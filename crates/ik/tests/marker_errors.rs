@@ -5,7 +5,7 @@
 mod common;
 
 use aloft_body::{Motion, State, Subject};
-use aloft_ik::{IkOptions, MarkerErrors, solve};
+use aloft_ik::{IkOptions, MarkerErrors, Segments, solve};
 use aloft_trial::Trial;
 use common::{chain, distance, motion, person, trial};
 use nalgebra::Vector3;
@@ -211,4 +211,64 @@ fn poses_under_another_geometry_are_those_of_each_frame_alone() {
     }
     println!("largest distance {worst:.4} rad, {far} of {} poses beyond 0.02 rad", N * others.len());
     assert!(far * 100 < N * others.len(), "{far} poses differ by more than 0.02 rad, up to {worst}");
+}
+
+/// A marker that was put back elsewhere, and a hinge that bends, do not count as noise of a rigid
+/// body's markers: each link's own fit tells the noise, and the rest is named.
+#[test]
+fn errors_of_the_model_are_no_noise_of_a_rigid_body() {
+    const NOISE_M: f64 = 4e-4;
+    let subject = chain();
+    let truth = motion(&subject, N, RATE_HZ, 0.4, 7);
+    let size = |e: &MarkerErrors| {
+        let all: Vec<f64> = e.sizes_m().map(|(_, s)| s * s).collect();
+        (all.iter().sum::<f64>() / all.len() as f64).sqrt() / NOISE_M
+    };
+    let of = |subject: &Subject, made: &Trial| {
+        let solved = solve(subject, made, &IkOptions::default()).unwrap().motion;
+        let options = IkOptions::default();
+        let rigid = MarkerErrors::of_rigid(subject, made, &solved, &options).unwrap().unwrap();
+        let fitted = MarkerErrors::of(subject, made, &solved, &options).unwrap().unwrap();
+        (size(&rigid), size(&fitted), Segments::of(subject, made, &solved).unwrap())
+    };
+    let clean = trial(&subject, &truth, RATE_HZ, NOISE_M, 8);
+    let (rigid, fitted, segments) = of(&subject, &clean);
+    println!("clean: {rigid:.2}, {fitted:.2}; joints {:.2e}", segments.joints_m.unwrap());
+    assert!((0.9..1.1).contains(&rigid) && (0.9..1.1).contains(&fitted));
+    assert!((segments.sd_m / NOISE_M - 1.0).abs() < 0.05);
+    assert!(segments.joints_m.unwrap() < 1.3 * NOISE_M);
+    assert!(segments.most_displaced().unwrap().3 < 1.0);
+
+    // the recording has a marker 12 mm from where the model has it
+    let mut other = subject.clone();
+    let moved = other.markers.iter().position(|m| m.link == 1).unwrap();
+    other.markers[moved].position_m += Vector3::new(0.0, 0.0, 0.012);
+    let displaced = trial(&other, &truth, RATE_HZ, NOISE_M, 8);
+    let (rigid, _, segments) = of(&subject, &displaced);
+    assert!((0.9..1.1).contains(&rigid), "{rigid}");
+    let (_, label, distance_m, _) = segments.most_displaced().unwrap();
+    assert_eq!(label, other.markers[moved].label);
+    assert!((distance_m - 0.012).abs() < 5e-4, "{distance_m}");
+
+    // all markers of the second link turn about an axis that is not the hinge's
+    let mut bent = clean.clone();
+    let mut state = State::new(&subject.model);
+    for (f, q) in truth.iter().enumerate() {
+        state.forward_position(&subject.model, q);
+        let own = state.world_from_link[1];
+        let angle = 0.15 * (12.0 * f as f64 / RATE_HZ).sin();
+        let turn = nalgebra::UnitQuaternion::from_scaled_axis(Vector3::new(angle, 0.0, 0.0));
+        for (marker, path) in subject.markers.iter().zip(&mut bent.markers.trajectories) {
+            if marker.link == 1 {
+                let local = own.inverse_transform_point(&path[f].into());
+                path[f] = (own * (turn * local)).coords;
+            }
+        }
+    }
+    let (rigid, fitted, segments) = of(&subject, &bent);
+    println!("bent: {rigid:.2} by segments, {fitted:.2} by the model; joints {:.2e}", segments.joints_m.unwrap());
+    assert!((0.9..1.1).contains(&rigid), "{rigid}");
+    assert!(fitted > 1.8, "the model's residuals grow: {fitted}");
+    assert!(segments.joints_m.unwrap() > 10.0 * NOISE_M);
+    assert!(segments.gaps[0].axis_rad > 0.05, "{:?}", segments.gaps);
 }

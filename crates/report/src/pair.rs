@@ -36,7 +36,11 @@ pub(super) fn lines(story: &Story<'_>) -> Lines {
     add("body mass, kg", number(person.mass_kg));
     add("stature, m", maybe(person.height_m));
     if let Some(p) = story.comparison.as_ref().map(|v| &v.parameters).filter(|p| p.in_all > 0) {
-        let gate = if p.gate_passed { "" } else { "; too few flights to determine the body" };
+        let gate = match (p.gate_passed, &p.misfit) {
+            (true, _) => "",
+            (false, Some(_)) => "; joints or markers are not where the model has them",
+            (false, None) => "; too few flights to determine the body",
+        };
         add(
             "parameters from motion",
             format!("{} of {}, {}{gate}", p.from_motion, p.in_all, count(p.flights, "flight")),

@@ -111,6 +111,9 @@ pub(crate) fn how_sure(story: &Story<'_>, first: Option<&PlaceError>) -> String 
         parts.push(match (p.gate.passed, p.gate.reasons.first(), brief) {
             (true, None, _) => format!("{flights} determine the parameters."),
             (true, Some(reason), _) => format!("{flights}: {}.", reason.trim_end_matches('.')),
+            (false, ..) if p.gate.misfit.is_some() => {
+                "The parameters are those of a model whose joints or markers are elsewhere.".to_owned()
+            }
             (false, _, Some(b)) => {
                 let verb = if p.n_flights() == 1 { "is too little" } else { "are too few" };
                 let (seen, all) = (b.from_motion, b.in_all);

@@ -5,7 +5,7 @@ use crate::results::Results;
 use crate::stages::shared::fit_options;
 use aloft_body::{Motion, Subject};
 use aloft_filter::continuous;
-use aloft_ik::{IkReport, LabelExchange, solve};
+use aloft_ik::{IkReport, LabelExchange, Segments, solve};
 use aloft_study::config::IkConfig;
 use aloft_study::osim::OsimSetup;
 use aloft_study::robot::RobotSetup;
@@ -40,6 +40,52 @@ pub struct Params {
     robot: Option<RobotSetup>,
     #[serde(skip_serializing_if = "Option::is_none")]
     osim: Option<OsimSetup>,
+    /// True for an object, which has no skin: its segments' own fits tell the noise of the markers.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    is_object: bool,
+}
+
+/// File with the links' own rigid fits, for objects.
+pub const SEGMENTS_FILE: &str = "segments.json";
+
+/// From how many standard deviations of one sample on an error of the model counts: one that a
+/// single frame shows (three, 99.7 % of its noise). The mean over a recording would show a
+/// hundredth of that, which no laboratory's calibration reaches.
+const SHOWS: f64 = 3.0;
+
+/// What the model adds to the noise of the markers, in words: a joint that is not where the model
+/// has it or not what it is, and a marker that sits elsewhere.
+pub fn misfits(segments: &Segments) -> Vec<String> {
+    let mut out = Vec::new();
+    let noise_mm = 1e3 * segments.sd_m;
+    if let Some((link, label, distance_m, deviations)) = segments.most_displaced()
+        && deviations > SHOWS
+    {
+        out.push(format!(
+            "marker {label} of {link} sits {:.1} mm from where the model has it (noise of the markers {noise_mm:.2} mm): it was \
+             put back elsewhere or has slid; leave it out (`ik: {{weights: {{{label}: 0}}}}`) or give this recording's day a \
+             static trial of its own",
+            1e3 * distance_m
+        ));
+    }
+    // a marker elsewhere turns its link, so that the joints seem to miss, too
+    if !out.is_empty() {
+        return out;
+    }
+    let Some(joints_m) = segments.joints_m.filter(|joints_m| *joints_m > SHOWS * segments.sd_m) else { return out };
+    let gap = segments.gaps.first().map_or_else(String::new, |g| {
+        format!(
+            ", most at the joint of {}: its centre by {:.1} mm, its axis by {:.1}°",
+            g.link,
+            1e3 * g.centre_m,
+            g.axis_rad.to_degrees()
+        )
+    });
+    out.push(format!(
+        "the joints do not move as the model's: they add {:.1} mm to the markers, whose links are rigid to {noise_mm:.2} mm{gap}",
+        1e3 * joints_m
+    ));
+    out
 }
 
 /// Work of the stage.
@@ -49,7 +95,12 @@ pub struct Work;
 impl StageWork for Work {
     type Params = Params;
     fn params(session: &SubjectSession, trial: Option<&TrialEntry>) -> Params {
-        Params { ik: session.ik_of(trial).clone(), robot: session.robot.clone(), osim: session.osim.clone() }
+        Params {
+            ik: session.ik_of(trial).clone(),
+            robot: session.robot.clone(),
+            osim: session.osim.clone(),
+            is_object: session.object.is_some(),
+        }
     }
     fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
         run(params, inputs)
@@ -81,6 +132,10 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let name = inputs.trial()?;
     let subject = inputs.results.load_subject("calibrate")?;
     let (subject, motion, report, exchanges) = track(&params.ik, inputs.results, subject, name)?;
+    let segments = match params.is_object {
+        true => Segments::of(&subject, &inputs.results.load_labelled_markers(name)?.0, &motion),
+        false => None,
+    };
     save_motion(inputs.out, &motion, &subject.model)?;
     write_json(&inputs.out.join("report.json"), &report)?;
     let mut done = StageReport::default();
@@ -88,6 +143,11 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         write_json(&inputs.out.join("labels.json"), &exchanges)?;
         done.warnings.extend(exchanges.iter().map(|e| StageWarning::new(QcReason::LabelsExchanged, e.to_string())));
         done.note("qc", json!([QcReason::LabelsExchanged]));
+    }
+    if let Some(segments) = &segments {
+        write_json(&inputs.out.join(SEGMENTS_FILE), segments)?;
+        done.note("marker_noise_mm", segments.sd_m * 1e3);
+        done.warnings.extend(misfits(segments));
     }
     done.note("marker_rms_mm", report.rms_m * 1e3);
     done.note("marker_max_mm", report.max_m * 1e3);

@@ -102,8 +102,8 @@ impl ComparedTrial {
         let mut subject = subject.clone();
         let options = fit_options(params.ik_of(&self.name), results, &mut subject)?;
         let (trial, _) = results.load_labelled_markers(&self.name)?;
-        let errors = MarkerErrors::of(&subject, &trial, &self.unfiltered, &options)
-            .map_err(|e| StageFailure::new(e.to_string()))?;
+        let of = if params.is_object { MarkerErrors::of_rigid } else { MarkerErrors::of };
+        let errors = of(&subject, &trial, &self.unfiltered, &options).map_err(|e| StageFailure::new(e.to_string()))?;
         let file = results.place("calibrate", WHOLE_STUDY)?.join(GEOMETRY_ERRORS_FILE);
         // objects, robots and models of files have a geometry that is given
         let drawn: Vec<GeometryError> = if file.exists() { read_json(&file)? } else { Vec::new() };
