@@ -50,7 +50,7 @@ fn estimators_of_the_demonstration_stand_side_by_side() {
     let chosen: Vec<&serde_json::Value> =
         found["table"].as_array().unwrap().iter().filter(|r| r["chosen"] == true).collect();
     assert_eq!(chosen.len(), 1);
-    assert_eq!(chosen[0]["estimator"], "mass_constrained");
+    assert_eq!(chosen[0]["estimator"], "noise_metric");
     // the row of the pipeline's own choice equals the output of `compare`
     let plain = json(&["compare", &demo, "--workspace", &ws, "--json"]);
     assert_eq!(chosen[0]["windows"]["force_n"], plain["flight_weak"]["force_n"]["mae"]);
@@ -58,7 +58,9 @@ fn estimators_of_the_demonstration_stand_side_by_side() {
     let prior = windows(find(&found, "calibrated", None, None));
     assert!(windows(chosen[0]).1 < 0.5 * prior.1, "{:?} {prior:?}", windows(chosen[0]));
     let (text, _) = expect(&words[..5], 0);
-    for word in ["calibrated", "landmarks", "null_vector", "mass_constrained *", "noise floor", "passed"] {
+    for word in
+        ["calibrated", "landmarks", "null_vector", "mass_constrained", "noise_metric *", "noise floor", "passed"]
+    {
         assert!(text.contains(word), "{word} in\n{text}");
     }
     // two runs give the same result

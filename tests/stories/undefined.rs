@@ -9,7 +9,7 @@ use aloft_compare::Comparison;
 use aloft_discover::Discovery;
 use aloft_flight::{Coverage, FlightReport, ImpulseMass, PlateDelay, PlateTare};
 use aloft_identify::Parameters;
-use aloft_ik::{CalibrationReport, GeometryError, LabelExchange};
+use aloft_ik::{CalibrationReport, GeometryError, LabelExchange, Segments};
 use aloft_pipeline::factors::{load_factors, load_named, load_slides};
 use aloft_pipeline::stages::compare::StoredFloor;
 use aloft_pipeline::stages::import::ImportRecord;
@@ -86,13 +86,15 @@ fn read(place: &str, path: &Path) -> Read {
         (_, "fusion.json") => same::<FusionReport>(path),
         (_, "link_markers.json" | "markers_on_links.json") => same::<Option<(PoseNoise, Vec<LinkMarker>)>>(path),
         (_, "torque_noise.json") => same::<Vec<Vec<f64>>>(path),
+        (_, "segments.json") => same::<Segments>(path),
         (_, "factors.json") => beside(path, load_factors),
         (_, "slides.json") => beside(path, load_slides),
         (_, "torque_factors.json") => beside(path, |dir| load_named(dir, "torque_factors")),
         // without fractions, or read as any JSON
-        (_, "locked.json" | "clock.json" | "nothing_identified.json" | "inputs.json" | "outputs.json") => {
-            same::<Value>(path)
-        }
+        (
+            _,
+            "misfits.json" | "locked.json" | "clock.json" | "nothing_identified.json" | "inputs.json" | "outputs.json",
+        ) => same::<Value>(path),
         (_, "report.json") => same::<Value>(path),
         ("", "self_test.json") => sealed::<Value>(path),
         _ => panic!("{place}: no reader is named for this file: add it to the test"),

@@ -22,8 +22,8 @@ use aloft_pipeline::stages::identify::{self, estimator, identify_from};
 use aloft_pipeline::stages::regressor::weak_options;
 use aloft_pipeline::trial_rows::TrialRows;
 use aloft_regressor::{
-    AccelerationOptions, Acting, CoordinateNoise, Factor, RegressorError, Stretch, StretchKind, WeakOptions,
-    acceleration_factor, weak_factor,
+    AccelerationOptions, Acting, CoordinateNoise, Factor, MatrixNoise, RegressorError, Stretch, StretchKind,
+    WeakOptions, acceleration_factor, weak_factor, weak_factor_with_noise,
 };
 use aloft_robot::next::NextFlights;
 use aloft_study::commands::command;
@@ -329,7 +329,17 @@ impl Setting<'_> {
                 let seed = ((replicate as u64) << 32) | i as u64;
                 let clean = &recorded.rows.motion;
                 let noisy = if level > 0.0 { &add_noise(model, clean, &noise, level.sqrt(), seed)? } else { clean };
-                if rows == Rows::Weak {
+                if rows == Rows::Weak && chosen == Estimator::NoiseMetric {
+                    // the noise that is in the motion and the noise that was added
+                    let all = root * (1.0 + level).sqrt();
+                    let noise = MatrixNoise::white(CoordinateNoise::Root(&all), &|_: &Motion| Ok(None));
+                    for s in own {
+                        let acting = Acting::nothing();
+                        factors.push(weak_factor_with_noise(
+                            model, &self.base, &self.phi, noisy, s, acting, &weak, None, &noise,
+                        )?);
+                    }
+                } else if rows == Rows::Weak {
                     for s in own {
                         factors.push(self.weak_rows(noisy, s, &weak)?);
                     }
@@ -403,7 +413,12 @@ impl Setting<'_> {
         let subject = &first.rows.subject;
         let pairs: Vec<(Stretch, Factor)> = every.iter().map(|(_, s)| s.clone()).zip(factors.clone()).collect();
         let params = identify::Params::of(self.session);
-        let found = identify_from(&params, subject, &pairs, estimator(&params, Rows::Weak), 0)?;
+        // how much a motion adds does not depend on the noise of the rows' matrix, which these lack
+        let chosen = match estimator(&params, Rows::Weak) {
+            Estimator::NoiseMetric => Estimator::MassConstrained,
+            other => other,
+        };
+        let found = identify_from(&params, subject, &pairs, chosen, 0)?;
         // the posture in the middle of the middle flight
         let (i, flight) = &every[every.len() / 2];
         let motion = &self.recorded[*i].rows.motion;

@@ -82,7 +82,7 @@ pub struct EstimatorRow {
     pub geometry: &'static str,
     /// `weak` or `paper`; none for the prior.
     pub rows: Option<&'static str>,
-    /// `null_vector`, `mass_constrained`, `regularised`; none for the prior.
+    /// `null_vector`, `noise_metric`, `mass_constrained`, `regularised`; none for the prior.
     pub estimator: Option<&'static str>,
     /// True for the pipeline's own choice.
     pub chosen: bool,
@@ -252,10 +252,16 @@ fn of_geometry(
     let estimators = [
         Estimator::Regularised { weight },
         Estimator::MassConstrained,
+        Estimator::NoiseMetric,
         Estimator::NullVector(ColumnScaling::default()),
     ];
-    let ways: Vec<(Rows, &'static str, Estimator)> =
-        Rows::ALL.iter().flat_map(|r| estimators.iter().map(|e| (*r, e.name(), *e))).collect();
+    // only some rows come with their noise
+    let with_noise = |rows: Rows| factors.iter().any(|(_, f)| f.rows == row_kind(rows) && f.noise().is_some());
+    let ways: Vec<(Rows, &'static str, Estimator)> = Rows::ALL
+        .iter()
+        .flat_map(|r| estimators.iter().map(|e| (*r, e.name(), *e)))
+        .filter(|(rows, _, e)| *e != Estimator::NoiseMetric || with_noise(*rows))
+        .collect();
     let found: Vec<Result<(Parameters, Candidate), StageFailure>> = ways
         .par_iter()
         .map(|(rows, _, estimator)| {

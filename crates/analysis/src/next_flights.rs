@@ -91,8 +91,11 @@ impl PlanInputs<'_> {
         let weak = weak_options(self.made.session.config.regressor.window_s);
         let params = regressor::Params::of(self.made.session, None);
         let sd = self.deviations();
-        let noise =
-            row_noise(&params, self.subject).map(|n| FrameErrors { sd: &sd, slow: n.slow, slow_time_s: n.slow_time_s });
+        let noise = row_noise(&params, self.subject, params.marker_sd_m).map(|n| FrameErrors {
+            sd: &sd,
+            slow: n.slow,
+            slow_time_s: n.slow_time_s,
+        });
         let (limits, mut notes) = JointLimits::of(robot, &self.seen()?, self.config.limit_share, self.config.faster);
         let links: Vec<_> = self.parameters.links.iter().map(aloft_identify::LinkEstimate::inertia).collect();
         let mut extents = Extents::of(model, &links, &robot.collision, self.config.clearance_m);

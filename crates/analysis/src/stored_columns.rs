@@ -32,6 +32,9 @@ struct FactorHead {
     columns: Columns,
     n_rows: usize,
     n_values: usize,
+    /// Rows and values of the noise, which follow those of the factor.
+    #[serde(default)]
+    noise: Option<(usize, usize)>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -69,6 +72,7 @@ pub(crate) fn save(folder: &Path, made_from: &str, rows: &TrialColumns) -> Resul
     let mut factors = Vec::with_capacity(rows.factors.len());
     for f in &rows.factors {
         values.extend(f.values());
+        values.extend(f.noise().iter().flat_map(|noise| noise.values()));
         factors.push(FactorHead {
             stretch: f.stretch,
             kind: f.kind,
@@ -76,6 +80,7 @@ pub(crate) fn save(folder: &Path, made_from: &str, rows: &TrialColumns) -> Resul
             columns: f.columns.clone(),
             n_rows: f.n_rows,
             n_values: f.values().len(),
+            noise: f.noise().map(|noise| (noise.n_rows, noise.values().len())),
         });
     }
     let windows = rows.windows.as_ref().map(|w| {
@@ -123,8 +128,16 @@ pub(crate) fn load(folder: &Path, trial: &str, made_from: &str) -> Option<TrialC
             first_frame: 0,
             end_frame: 0,
         };
-        // none: as above
-        factors.push(Factor::from_values(&stretch, f.rows, f.columns, f.n_rows, take(f.n_values)?.to_vec()).ok()?);
+        let mut part = |n_rows: usize, n_values: usize| {
+            // none: as above
+            Factor::from_values(&stretch, f.rows, f.columns.clone(), n_rows, take(n_values)?.to_vec()).ok()
+        };
+        let mut factor = part(f.n_rows, f.n_values)?;
+        if let Some((n_rows, n_values)) = f.noise {
+            // none: as above
+            factor = factor.with_noise(part(n_rows, n_values)?).ok()?;
+        }
+        factors.push(factor);
     }
     let windows = match head.windows {
         None => None,
@@ -150,7 +163,9 @@ mod tests {
         let columns =
             Columns { parameters: vec!["M".into(), "x".into()], effects: vec!["e.k".into()], of_tables: Vec::new() };
         let values = (0..10).map(|i| 0.1 * f64::from(i) + 1.0).collect();
-        let factor = Factor::from_values(&stretch, RowKind::Weak, columns, 9, values).unwrap();
+        let noise = Factor::from_values(&stretch, RowKind::Weak, columns.clone(), 18, vec![0.25; 10]).unwrap();
+        let factor =
+            Factor::from_values(&stretch, RowKind::Weak, columns, 9, values).unwrap().with_noise(noise).unwrap();
         let windows = WindowRows {
             rows: DMatrix::from_fn(12, 4, |i, j| (i * 4 + j) as f64 / 3.0),
             effects: vec!["e.k".into()],

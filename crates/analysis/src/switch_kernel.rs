@@ -54,6 +54,8 @@ pub struct SwitchKernel {
     pub with_contact: Vec<bool>,
     /// Whether a model without effects is identified from contact, too.
     pub always_contact: bool,
+    /// True if the rows give other choices only nearly, so that the page shows those in `known`.
+    pub only_known: bool,
     /// Whether contact is in the rows of this kernel. A choice of effects that needs it otherwise
     /// is not computed from them.
     pub contact: bool,
@@ -178,6 +180,7 @@ impl Switches {
             columns: self.columns[..n].iter().map(Vec::len).collect(),
             with_contact: self.effects[..n].iter().map(|e| uses_contact(&self.session, vec![e.clone()])).collect(),
             always_contact: uses_contact(self.session(), Vec::new()),
+            only_known: self.predicting.rotates_nearly(),
             contact: self.contact,
             known,
             left_out: self.effects[n..].iter().map(|e| e.key.clone()).collect(),
@@ -192,9 +195,11 @@ impl Switches {
         }))
     }
 
-    /// Models that the rows of the kernel do not give, because they use contact otherwise: the
-    /// present model with one switch flipped, and with all that the discovery found.
+    /// Models that the rows of the kernel do not give, because they use contact otherwise, or give
+    /// only nearly: the present model, also with one switch flipped, and with all that the
+    /// discovery found.
     fn known(&self, keys: &[String]) -> Result<Vec<Switched>, StageFailure> {
+        let nearly = self.predicting.rotates_nearly();
         let flipped = keys.iter().map(|key| {
             let others = self.present.iter().filter(|k| *k != key).cloned();
             let added = Some(key.clone()).filter(|k| !self.present.contains(k));
@@ -202,12 +207,21 @@ impl Switches {
         });
         let found = keys.iter().filter(|k| self.present.contains(k) || self.found.contains(k)).cloned().collect();
         let mut choices: Vec<Vec<String>> = Vec::new();
-        for choice in flipped.chain(std::iter::once(found)) {
-            if !choices.contains(&choice) && self.changes_contact(&choice)? {
-                choices.push(choice);
+        let present = self.present.iter().filter(|k| keys.contains(k)).cloned().collect();
+        let mut out = Vec::new();
+        for choice in flipped.chain([present, found]) {
+            if choices.contains(&choice) {
+                continue;
             }
+            if self.changes_contact(&choice)? {
+                out.push(self.model(&choice, &LeftOut::default())?);
+            } else if nearly {
+                // none: the page computes such a model itself and says if it cannot be evaluated
+                out.extend(self.model(&choice, &LeftOut::default()).ok());
+            }
+            choices.push(choice);
         }
-        choices.iter().map(|choice| Ok(self.model(choice, &LeftOut::default())?)).collect()
+        Ok(out)
     }
 
     /// Windows of one kind in the coordinates of rotated rows, as a triangle where that is shorter.

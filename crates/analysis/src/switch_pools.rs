@@ -42,7 +42,7 @@ impl Merged {
 /// Rows of some trials, merged and rotated.
 pub(crate) struct Pool {
     pub merged: Merged,
-    /// None for an estimator that is no least squares, or where nothing is left.
+    /// None for an estimator of which they are no or nearly the estimate, or where nothing is left.
     rotated: Option<RotatedRows>,
     /// Place of each column among those of the rotated rows.
     places: HashMap<String, usize>,
@@ -50,8 +50,12 @@ pub(crate) struct Pool {
 
 impl Pool {
     fn of(merged: Merged, predicting: &Predicting, weight: Option<f64>, names: &[&str]) -> Self {
-        // none: the merged rows are solved instead, and name what fails
-        let rotated = merged.with_effects(names, weight).ok().and_then(|all| predicting.rotated(&all).ok().flatten());
+        let rotated = if predicting.rotates_nearly() {
+            None
+        } else {
+            // none: the merged rows are solved instead, and name what fails
+            merged.with_effects(names, weight).ok().and_then(|all| predicting.rotated(&all).ok().flatten())
+        };
         let places = names.iter().enumerate().map(|(i, n)| ((*n).to_owned(), i)).collect();
         Self { merged, rotated, places }
     }

@@ -180,7 +180,7 @@ pub(crate) fn rows_of(
 /// Folder of the stored rows in a workspace.
 const FOLDER: &str = "columns";
 /// Version of the stored rows; to be raised when they change.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// Hash of everything that the rows of a trial depend on.
 fn made_from(made: &Made<'_>, trial: &str, role: Role, compared: bool, settings: &serde_json::Value) -> String {

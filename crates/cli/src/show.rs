@@ -40,13 +40,18 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
     ))?;
     if let Some(units) = &p.noise_units {
         let smallest: Vec<String> = units.sigma.iter().take(SMALLEST_IN_NOISE).map(|s| significant(*s, 3)).collect();
+        let names = units.of_table.join(", ");
         let left = match units.undetermined {
             0 => "the motion determines every direction but the scale".to_owned(),
-            1 => "the motion leaves one direction to the tables".to_owned(),
-            n => format!("the motion leaves {n} directions to the tables"),
+            1 if units.ratios => {
+                format!("the motion fixes the ratios of {names}, not their size: that is the tables'")
+            }
+            1 => format!("the motion leaves one direction to the tables ({names})"),
+            n => format!("the motion leaves {n} directions to the tables ({names})"),
         };
         let residual = significant(units.residual, 3);
-        out(format!("in units of the noise: {} …, residual {residual}: {left}\n", smallest.join("  ")))?;
+        let words = format!("{} …, residual {residual}: {left}", smallest.join("  "));
+        out(labelled("in units of the noise: ", &words) + "\n")?;
     }
     let mut t = table(&["parameter", "value", "± 95 %", "tables", "unit", "seen", "regrouping"]).left(&[5]).wrapped(6);
     for b in &p.base {

@@ -105,14 +105,14 @@ struct ClusterRows {
 pub(crate) struct Correction<'a> {
     /// q: the Gram of a cluster is `G_g − q S_g`.
     pub excess: f64,
-    /// Projection of columns onto the directions that the rows determine, n × n.
+    /// Projection of columns that takes undetermined directions out, n × n.
     pub determined: &'a DMatrix<f64>,
 }
 
 impl Correction<'_> {
-    /// The projected columns of a cluster's noise.
+    /// The columns of a cluster's noise.
     fn noise(&self, group: &Factor) -> Option<DMatrix<f64>> {
-        group.noise().map(|noise| noise.dense() * self.excess.sqrt() * self.determined)
+        group.noise().map(|noise| noise.dense() * self.excess.sqrt())
     }
 }
 
@@ -146,18 +146,14 @@ impl Clusters {
         let m = p - 1 + k;
         let estimate = solution.rows(1, m).into_owned();
         let split = |dense: DMatrix<f64>| {
-            let a = dense.columns(1, m).into_owned();
-            let residual = &a * &estimate + dense.column(0) * mass_kg - dense.column(m + 1);
-            (a, residual)
+            let a = dense.columns(1, m);
+            let residual = a * &estimate + dense.column(0) * mass_kg - dense.column(m + 1);
+            // undetermined directions are held by the prior: no row moves the estimate along them
+            (correction.map_or_else(|| a.into_owned(), |c| &dense * c.determined.columns(1, m)), residual)
         };
         let reduced: Vec<_> = groups
             .iter()
-            .map(|g| {
-                let dense = g.dense();
-                let rows = split(correction.map_or_else(|| dense.clone(), |c| &dense * c.determined));
-                let noise = correction.and_then(|c| c.noise(g)).map(split);
-                (rows, noise, g.n_rows)
-            })
+            .map(|g| (split(g.dense()), correction.and_then(|c| c.noise(g)).map(split), g.n_rows))
             .collect();
         let prior_rows = match prior {
             Some(prior) if weight > 0.0 => {

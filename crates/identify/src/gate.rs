@@ -43,6 +43,10 @@ pub struct Gate {
     pub passed: bool,
     /// Reasons for a failure, or reservations.
     pub reasons: Vec<String>,
+    /// What the model's joints and marker places add to the noise of the markers, where they do:
+    /// the numbers are then those of another body.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub misfit: Option<String>,
     /// Names of the parameters that are hardly observed.
     pub hardly_seen: Vec<String>,
     /// What to record next, the most useful first.
@@ -52,13 +56,22 @@ pub struct Gate {
     pub next_motion: Option<String>,
 }
 
+/// Share of the prior's standard deviation, or of a tenth of the body's own scale, below which a
+/// standard error counts as well determined.
+pub(crate) const WELL: f64 = 0.3;
+
 /// How well one parameter is determined: its standard error relative to the prior's standard
-/// deviation, or without a prior to a tenth of the body's own scale.
-pub fn determination(se: f64, prior_sd: Option<f64>, scale: f64) -> Determination {
+/// deviation, or without a prior to a tenth of the body's own scale. `unseen` is the part of the
+/// error along directions that the motion does not determine: where that part alone is too large
+/// for a well determined value, the value is the prior's, whatever the prior's own terms make of
+/// its width.
+pub fn determination(se: f64, unseen: f64, prior_sd: Option<f64>, scale: f64) -> Determination {
     let reference = prior_sd.filter(|s| *s > 0.0).unwrap_or(0.1 * scale);
     let share = se / reference;
-    if share < 0.3 {
+    if share < WELL {
         Determination::Well
+    } else if unseen / reference >= WELL {
+        Determination::Hardly
     } else if share < 0.7 {
         Determination::Partly
     } else {
@@ -128,8 +141,8 @@ pub(crate) fn judge(
         }
     }
     match estimator {
-        Estimator::Regularised { .. } if hardly_seen.is_empty() => {}
-        Estimator::Regularised { .. } => reasons.push(format!(
+        Estimator::Regularised { .. } | Estimator::NoiseMetric if hardly_seen.is_empty() => {}
+        Estimator::Regularised { .. } | Estimator::NoiseMetric => reasons.push(format!(
             "{} of {} parameters are from tables; combinations that move the whole body are known better than each of them",
             hardly_seen.len(),
             parameters.len()
@@ -145,5 +158,12 @@ pub(crate) fn judge(
         _ => {}
     }
     let next_motion = advice.first().map(|a| a.motion.clone());
-    Gate { passed, reasons, hardly_seen, advice: advice.into_iter().map(|a| a.text).collect(), next_motion }
+    Gate {
+        passed,
+        reasons,
+        misfit: None,
+        hardly_seen,
+        advice: advice.into_iter().map(|a| a.text).collect(),
+        next_motion,
+    }
 }

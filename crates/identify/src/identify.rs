@@ -6,7 +6,7 @@ use crate::clusters::{Clusters, Correction, choose_weight, merge_groups};
 use crate::gate::{determination, judge};
 use crate::interval::{half_of, interval95};
 use crate::links::{LinkSd, gradient, link_with_sd};
-use crate::noise_metric::{InNoise, NoiseMetric};
+use crate::noise_metric::{InNoise, NoiseMetric, NoiseUnits, Size};
 use crate::null_vector::sigma_of;
 use crate::parameters::LinkIntervals;
 use crate::system::System;
@@ -21,6 +21,10 @@ use aloft_regressor::{Factor, Slides, StretchKind, leave_group_out};
 use nalgebra::{DMatrix, DVector, SMatrix};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+/// Cosine from which on a change counts as parallel to the values themselves: their ratios stay
+/// within some five percent while they change by a third.
+const PARALLEL: f64 = 0.99;
 
 /// Options of an identification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -180,9 +184,13 @@ pub fn identify_with_slides(
         Estimator::NoiseMetric => {
             let prepared = base_prior.as_ref().map(|p| p.prepared(mass_kg)).transpose()?;
             let found = NoiseMetric::of(&merged)?.estimate(mass_kg, prepared.as_ref(), 1.0)?;
-            used = found.rows.clone();
+            used = found.of_links.clone();
             noise_units = Some(found.units.clone());
-            Fit::in_noise_metric(&clusters, found, mass_kg, base_prior.as_ref(), options)?
+            let held = match (&found.size, &base_prior) {
+                (Some(size), Some(prior)) => Some(prior.freed(&size.part)),
+                _ => base_prior.clone(),
+            };
+            Fit::in_noise_metric(&clusters, found, mass_kg, held.as_ref(), options)?
         }
         Estimator::NullVector(scaling) => Fit::null_vector(factors, &groups, &merged, mass_kg, scaling)?,
         Estimator::MassConstrained => {
@@ -204,19 +212,30 @@ pub fn identify_with_slides(
     };
     let rows = merged.rows;
     let sigma = flight_sigma(factors)?;
-    let base_estimates = fit.base_estimates(base, base_prior.as_ref(), mass_kg);
+    let unseen_sd = fit.unseen_sd(base_prior.as_ref(), mass_kg)?;
+    let freed = match (prior, &fit.size) {
+        (Some(prior), Some(size)) => Some(prior.freed(base, &size.part)?),
+        _ => None,
+    };
+    let base_estimates = fit.base_estimates(base, base_prior.as_ref(), mass_kg, &unseen_sd);
+    if let (Some(units), Some(prior)) = (&mut noise_units, &base_prior) {
+        fit.name_undetermined(units, &base_estimates, prior, &unseen_sd);
+    }
     let links = match prior {
-        Some(prior) => fit.links(model, base, &used, mass_kg, prior, options)?,
+        Some(prior) => fit.links(model, base, &used, mass_kg, prior, freed.as_ref(), options)?,
         None => Vec::new(),
     };
     let named: Vec<(String, Determination)> =
         base_estimates.iter().map(|b| (b.name.clone(), b.determination)).collect();
-    let hints = advice::in_words(model, &named, options.turning_over);
+    // no motion in the air shows what the noise metric leaves to the table
+    let of_table: &[String] = noise_units.as_ref().map_or(&[], |u| &u.of_table);
+    let open: Vec<_> = named.iter().filter(|(name, _)| !of_table.contains(name)).cloned().collect();
+    let hints = advice::in_words(model, &open, options.turning_over);
     let information = match base_prior.as_ref() {
         Some(prior) => Some(fit.information(&clusters, mass_kg, prior, &named)?),
         None => None,
     };
-    let gate = judge(
+    let mut gate = judge(
         &options.estimator,
         &sigma,
         information.as_ref(),
@@ -226,6 +245,7 @@ pub fn identify_with_slides(
         &options.gate,
         hints,
     );
+    gate.reasons.splice(0..0, against_table(&links));
     let effects = visible.estimates(fit.effect_estimates(&merged, &options.widening));
     let mut trials: Vec<&str> = factors.iter().map(|f| f.trial.as_str()).collect();
     trials.sort_unstable();
@@ -293,6 +313,10 @@ struct Fit {
     deficient: usize,
     /// True for base parameters that neither rows nor prior determine.
     undetermined: Vec<bool>,
+    /// Changes of the unknowns at the level of the noise, m × d: the prior holds them.
+    held_by_prior: DMatrix<f64>,
+    /// A size among them that the table gives.
+    size: Option<Size>,
     draws: Vec<DVector<f64>>,
     robust: bool,
 }
@@ -343,6 +367,8 @@ impl Fit {
             tried: Vec::new(),
             deficient: 0,
             undetermined: vec![false; p],
+            held_by_prior: DMatrix::zeros(p - 1, 0),
+            size: None,
             draws: Vec::new(),
             robust: left.len() >= 2,
         })
@@ -399,6 +425,8 @@ impl Fit {
             tried,
             deficient: solution.deficient,
             undetermined: system.undetermined(weight),
+            held_by_prior: DMatrix::zeros(0, 0),
+            size: None,
             draws,
         })
     }
@@ -413,7 +441,7 @@ impl Fit {
         options: &IdentifyOptions,
     ) -> Result<Self, IdentifyError> {
         let lambda = if prior.is_some() { 1.0 } else { 0.0 };
-        let InNoise { rows, excess, determined, row_variance, system, solution, .. } = found;
+        let InNoise { rows, excess, undetermined, determined, row_variance, system, solution, size, .. } = found;
         let weight = lambda * row_variance;
         let correction = Correction { excess, determined: &determined };
         let resampled = Clusters::corrected(clusters, &rows, mass_kg, prior, weight, &solution.x, Some(correction))?;
@@ -440,8 +468,46 @@ impl Fit {
             row_sd: row_variance.sqrt(),
             prior_weight: lambda,
             tried: Vec::new(),
+            held_by_prior: undetermined,
+            size,
             draws,
         })
+    }
+
+    /// Standard deviation of each base parameter, the mass first, along the directions that the
+    /// prior alone holds, all others known.
+    fn unseen_sd(&self, prior: Option<&Prior>, mass_kg: f64) -> Result<Vec<f64>, IdentifyError> {
+        let p = self.n_parameters;
+        let changes = &self.held_by_prior;
+        let mut out = vec![0.0; p];
+        let Some(prior) = prior.filter(|_| changes.ncols() > 0) else { return Ok(out) };
+        let mut changes = changes.rows(0, p - 1).into_owned();
+        changes.column_iter_mut().for_each(|mut c| {
+            c.try_normalize_mut(0.0);
+        });
+        let mut held = prior.prepared(mass_kg)?;
+        if let Some(size) = &self.size {
+            held = held.freed(&size.part)?;
+        }
+        let mut in_prior = held
+            .root
+            .try_inverse()
+            .ok_or_else(|| IdentifyError::Numeric("the prior covariance is singular".to_owned()))?
+            * &changes;
+        if let Some(size) = &self.size {
+            let at = in_prior.nrows();
+            in_prior = in_prior.insert_row(at, 0.0);
+            in_prior.row_mut(at).copy_from(&size.row.rows(1, p - 1).tr_mul(&changes));
+        }
+        // x = W y with y ~ N(0, (WᵀP⁻¹W)⁻¹)
+        let failed = |problem: &str| IdentifyError::Numeric(format!("the undetermined directions: {problem}"));
+        let largest = in_prior.norm();
+        let inverse = in_prior.pseudo_inverse(1e-12 * largest).map_err(failed)?;
+        let spread = changes * inverse;
+        for (sd, row) in out.iter_mut().skip(1).zip(spread.row_iter()) {
+            *sd = row.norm();
+        }
+        Ok(out)
     }
 
     fn se_from(&self, n_clusters: usize) -> String {
@@ -462,7 +528,28 @@ impl Fit {
         self.freedom.get(i).copied().unwrap_or(f64::NAN)
     }
 
-    fn base_estimates(&self, base: &BaseParameters, prior: Option<&Prior>, mass_kg: f64) -> Vec<BaseEstimate> {
+    /// Names the parameters that the prior holds along undetermined directions.
+    fn name_undetermined(&self, units: &mut NoiseUnits, base: &[BaseEstimate], prior: &Prior, unseen_sd: &[f64]) {
+        let held: Vec<usize> =
+            (1..base.len()).filter(|&i| base[i].determination == Determination::Hardly && unseen_sd[i] > 0.0).collect();
+        units.of_table = held.iter().map(|&i| base[i].name.clone()).collect();
+        if self.held_by_prior.ncols() != 1 || held.len() < 2 {
+            return;
+        }
+        // in proportion: the change is parallel to the values themselves
+        let in_sd = |value: f64, i: usize| value / prior.covariance[(i, i)].max(f64::MIN_POSITIVE).sqrt();
+        let of = |f: &dyn Fn(usize) -> f64| DVector::from_iterator(held.len(), held.iter().map(|&i| in_sd(f(i), i)));
+        let (change, value) = (of(&|i| self.held_by_prior[(i - 1, 0)]), of(&|i| self.x[i]));
+        units.ratios = change.dot(&value).abs() >= PARALLEL * change.norm() * value.norm();
+    }
+
+    fn base_estimates(
+        &self,
+        base: &BaseParameters,
+        prior: Option<&Prior>,
+        mass_kg: f64,
+        unseen_sd: &[f64],
+    ) -> Vec<BaseEstimate> {
         // characteristic length of the body: radius of gyration from its largest root inertia
         let largest = base
             .parameters
@@ -485,7 +572,8 @@ impl Fit {
                     _ => mass_kg * length * length,
                 };
                 let prior_sd = prior.map(|p| p.covariance[(i, i)].max(0.0).sqrt());
-                let determination = if i == 0 { Determination::Well } else { determination(se, prior_sd, scale) };
+                let determination =
+                    if i == 0 { Determination::Well } else { determination(se, unseen_sd[i], prior_sd, scale) };
                 BaseEstimate {
                     name: parameter.name.clone(),
                     value: self.x[i],
@@ -556,9 +644,11 @@ impl Fit {
         base: &BaseParameters,
         merged: &Factor,
         mass_kg: f64,
-        prior: &LinkPrior,
+        table: &LinkPrior,
+        freed: Option<&LinkPrior>,
         options: &IdentifyOptions,
     ) -> Result<Vec<LinkEstimate>, IdentifyError> {
+        let prior = freed.unwrap_or(table);
         let row_variance = (self.row_sd * self.row_sd).max(f64::MIN_POSITIVE);
         let prior_weight = if self.prior_weight > 0.0 { self.prior_weight } else { 1.0 };
         let divergence_weight = options.divergence_weight;
@@ -576,14 +666,20 @@ impl Fit {
                 consistent.phi.iter().enumerate().map(of).collect()
             }
         };
+        // what a size that the table gives makes of each link's numbers, one standard deviation
+        let by_size = self.size.as_ref().and_then(|size| Some(prior.free()? * size.spread));
         Ok(consistent
             .phi
             .iter()
             .zip(&variances)
             .enumerate()
             .map(|(j, (phi, variances))| {
-                let before: SMatrix<f64, 10, 10> = prior.covariance.fixed_view::<10, 10>(10 * j, 10 * j).into();
-                link_estimate(&model.links[j].name, phi, variances, &prior.links[j], &before)
+                let before: SMatrix<f64, 10, 10> = table.covariance.fixed_view::<10, 10>(10 * j, 10 * j).into();
+                let unseen = by_size.as_ref().map_or_else(SMatrix::<f64, 10, 1>::zeros, |change| {
+                    gradient(phi) * change.fixed_rows::<10>(10 * j)
+                });
+                let all = std::array::from_fn(|i| (variances[i].0 + unseen[i] * unseen[i], variances[i].1));
+                link_estimate(&model.links[j].name, phi, &all, &prior.links[j], &before, unseen.as_slice())
             })
             .collect())
     }
@@ -599,7 +695,9 @@ fn link_estimate(
     variances: &[Variance; 10],
     prior: &aloft_body::LinkInertia,
     prior_covariance: &SMatrix<f64, 10, 10>,
+    unseen: &[f64],
 ) -> LinkEstimate {
+    let size_of = |s: &[f64]| s.iter().map(|x| x * x).sum::<f64>().sqrt();
     let link = aloft_body::LinkInertia::from_phi(phi);
     let sd = LinkSd::of(deviations(variances).as_slice());
     let i = &link.inertia_com_kgm2;
@@ -612,10 +710,10 @@ fn link_estimate(
     };
     let half = |ci95: Option<[f64; 2]>| half_of(ci95).unwrap_or(f64::NAN);
     let (_, before) = link_with_sd(&prior.to_phi(), prior_covariance);
-    let mass = determination(sd.mass_kg, Some(before.mass_kg), 1.0);
-    let com = determination(sd.com_m.norm(), Some(before.com_m.norm()), 1.0);
-    let size = |s: &[f64; 6]| s[..3].iter().map(|x| x * x).sum::<f64>().sqrt();
-    let inertia = determination(size(&sd.inertia_kgm2), Some(size(&before.inertia_kgm2)), 1.0);
+    let mass = determination(sd.mass_kg, unseen[0].abs(), Some(before.mass_kg), 1.0);
+    let com = determination(sd.com_m.norm(), size_of(&unseen[1..4]), Some(before.com_m.norm()), 1.0);
+    let size = |s: &[f64; 6]| size_of(&s[..3]);
+    let inertia = determination(size(&sd.inertia_kgm2), size_of(&unseen[4..7]), Some(size(&before.inertia_kgm2)), 1.0);
     let word = |s: Determination| match s {
         Determination::Well => "well seen",
         Determination::Partly => "partly seen",
@@ -646,6 +744,26 @@ fn link_estimate(
         prior: *prior,
         determination: mass.min(com).min(inertia),
         from,
+        mass_against_table: (before.mass_kg > 0.0).then(|| (link.mass_kg - prior.mass_kg) / before.mass_kg),
         words,
     }
+}
+
+/// Links whose mass the recordings contradict, in words; none where there is none.
+fn against_table(links: &[LinkEstimate]) -> Option<String> {
+    let of = |l: &LinkEstimate| {
+        let deviations = l.mass_against_table.map_or(f64::NAN, f64::abs);
+        format!(
+            "{} ({:+.1} kg, {deviations:.1} of the table's standard deviations)",
+            l.name,
+            l.mass_kg - l.prior.mass_kg
+        )
+    };
+    let all: Vec<String> = links.iter().filter(|l| l.contradicts_table()).map(of).collect();
+    (!all.is_empty()).then(|| {
+        format!(
+            "the recordings contradict the table for the mass of {}: check the joint centres and markers there, what it carries, and the stated mass",
+            all.join(", ")
+        )
+    })
 }

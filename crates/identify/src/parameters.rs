@@ -182,11 +182,25 @@ pub struct LinkEstimate {
     /// Origins of its values.
     #[serde(default)]
     pub from: LinkOrigin,
+    /// How far the recordings moved the mass from the table's, in the table's standard deviations.
+    /// Where both agree it is below one: the variance of the move is that of the table less that of
+    /// the estimate.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass_against_table: Option<f64>,
     /// How well the link is determined, in words.
     pub words: String,
 }
 
+/// From how many of the table's standard deviations on a mass contradicts it: three, which chance
+/// gives fewer than one link in 370.
+const CONTRADICTS: f64 = 3.0;
+
 impl LinkEstimate {
+    /// Whether the recordings contradict the table's mass.
+    pub fn contradicts_table(&self) -> bool {
+        self.mass_against_table.is_some_and(|z| z.abs() >= CONTRADICTS)
+    }
+
     /// The link in the type used by the body crate.
     pub fn inertia(&self) -> LinkInertia {
         LinkInertia {

@@ -65,6 +65,9 @@ pub struct LinkPrior {
     pub numbers: DMatrix<f64>,
     /// For each link the box that holds its mass, if one is known; empty if none is.
     pub boxes: Vec<Option<LinkBox>>,
+    /// A change of the stacked φ of which the prior says nothing, in units of one standard
+    /// deviation; it is part of `covariance`.
+    free: Option<DVector<f64>>,
 }
 
 /// A prior whose linear map is taken at other links than its own.
@@ -77,6 +80,11 @@ pub(crate) struct PriorAt {
     /// As [`LinkPrior::second_order`].
     pub second_order: DMatrix<f64>,
 }
+
+/// Standard deviation of a freed change, in units of itself: so wide that nothing else depends on
+/// it (less than 1 % of the weight of a size known to 30 %), and narrow enough for the rounding of
+/// a root.
+const FREED: f64 = 3.0;
 
 /// Standard deviation of the shears as a share of that of the radii.
 const SHEAR_SHARE: f64 = 0.5;
@@ -150,7 +158,7 @@ impl LinkPrior {
             block += own;
             second_order.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&own);
         }
-        Ok(Self { links: links.to_vec(), mean, covariance, second_order, numbers, boxes: Vec::new() })
+        Ok(Self { links: links.to_vec(), mean, covariance, second_order, numbers, boxes: Vec::new(), free: None })
     }
 
     /// The same prior in base parameters.
@@ -185,8 +193,37 @@ impl LinkPrior {
             let block = self.second_order.fixed_view::<10, 10>(10 * i, 10 * i) * (ratio * ratio);
             second_order.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&block);
         }
-        let covariance = &map * &self.numbers * map.transpose() + &second_order;
+        let mut covariance = &map * &self.numbers * map.transpose() + &second_order;
+        if let Some(free) = &self.free {
+            covariance.ger(1.0, free, free, 1.0);
+        }
         Some(PriorAt { mean, covariance, second_order })
+    }
+
+    /// The prior without an opinion on how far a change of the base parameters (without the mass)
+    /// goes.
+    ///
+    /// # Errors
+    /// As [`LinkPrior::base`]; [`IdentifyError::Numeric`] for a covariance that is singular.
+    pub(crate) fn freed(&self, base: &BaseParameters, change: &DVector<f64>) -> Result<Self, IdentifyError> {
+        let singular = || IdentifyError::Numeric("the prior covariance is singular".to_owned());
+        let prior = self.base(base)?;
+        let root = covariance_root(&prior.covariance)?;
+        let inverse = root.try_inverse().ok_or_else(singular)?;
+        let whole = change.clone().insert_row(0, 0.0);
+        // the links' change that the prior expects with it
+        let phi = &self.covariance * base.from_full.tr_mul(&inverse.tr_mul(&(&inverse * whole)));
+        let mut out = self.clone();
+        let free = phi * FREED;
+        out.covariance.ger(1.0, &free, &free, 1.0);
+        out.free = Some(free);
+        Ok(out)
+    }
+
+    /// Change of the stacked φ of which the prior says nothing, for a change by one of the base
+    /// parameters that were freed.
+    pub(crate) fn free(&self) -> Option<DVector<f64>> {
+        self.free.as_ref().map(|free| free / FREED)
     }
 
     /// The parameters of each link.
@@ -380,6 +417,25 @@ impl Prior {
         }
         let root = covariance_root(&rest)?;
         Ok((mean, root))
+    }
+}
+
+impl Prior {
+    /// The prior without an opinion on how far a change of the parameters (without the mass) goes.
+    pub(crate) fn freed(&self, change: &DVector<f64>) -> Self {
+        let mut out = self.clone();
+        let whole = change.clone().insert_row(0, 0.0);
+        out.covariance.ger(FREED * FREED, &whole, &whole, 1.0);
+        out
+    }
+}
+
+impl PreparedPrior {
+    /// As [`Prior::freed`].
+    pub(crate) fn freed(&self, change: &DVector<f64>) -> Result<Self, IdentifyError> {
+        let mut covariance = &self.root * self.root.transpose();
+        covariance.ger(FREED * FREED, change, change, 1.0);
+        Ok(Self { mean: self.mean.clone(), root: covariance_root(&covariance)? })
     }
 }
 

@@ -49,6 +49,9 @@ const NOTHING: f64 = 1e-12;
 
 impl RotatedRows {
     /// Rotates merged rows for an estimator; none for the null vector, which is no least squares.
+    /// Rows in the metric of their noise are those above it ([`mod@crate::noise_metric`]) with all
+    /// effects; a choice that leaves effects out then differs from its own estimate by what the
+    /// noise could imitate.
     ///
     /// # Errors
     /// Rows that are not finite; a prior of another body.
@@ -60,7 +63,11 @@ impl RotatedRows {
     ) -> Result<Option<Self>, IdentifyError> {
         let (prior, prior_weight) = match estimator {
             // no least squares in these rows
-            Estimator::NullVector(_) | Estimator::NoiseMetric => return Ok(None),
+            Estimator::NullVector(_) => return Ok(None),
+            Estimator::NoiseMetric => {
+                let above = crate::noise_metric::NoiseMetric::of(merged)?.all_above()?;
+                return Self::of(&above, mass_kg, prior, Estimator::Regularised { weight: None });
+            }
             Estimator::MassConstrained => (None, None),
             Estimator::Regularised { weight } => (prior, prior.map(|_| weight.unwrap_or(1.0))),
         };

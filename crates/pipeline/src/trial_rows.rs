@@ -4,9 +4,12 @@
 use crate::factors::FactorsAndRemarks;
 use crate::results::Results;
 use crate::stages::filter::low_pass;
+use crate::stages::ik::SEGMENTS_FILE;
+use crate::stages::robot::RobotErrors;
 use aloft_body::{BaseParameters, Motion, Phi, Subject};
 use aloft_effects::{EffectInstance, PlateSeries, Scene, Span, TrialMotion, columns_about};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
+use aloft_ik::Segments;
 use aloft_regressor::weak_windows::force_scale_n;
 use aloft_regressor::{EffectColumns, Factor, RegressorError, Stretch, StretchKind};
 use aloft_study::calendar::Calendar;
@@ -14,6 +17,7 @@ use aloft_study::config::FilterConfig;
 use aloft_study::effects::{KnownEffects, ModelEffects};
 use aloft_trial::Trial;
 use aloft_workspace::error::StageFailure;
+use aloft_workspace::json::read_json;
 use nalgebra::{DMatrix, Vector3, Vector6};
 use std::sync::Arc;
 
@@ -153,6 +157,10 @@ pub struct TrialRows {
     pub session_time_s: f64,
     /// Source of that time; none without plates.
     pub calendar: Option<Arc<Calendar>>,
+    /// Errors of a robot's sensors; none for a motion from markers.
+    pub sensors: Option<RobotErrors>,
+    /// The links' own rigid fits, for objects.
+    pub segments: Option<Segments>,
 }
 
 impl TrialRows {
@@ -221,7 +229,12 @@ impl TrialRows {
         let flights = flights.flights.iter().map(aloft_flight::Flight::frames).collect();
         let calendar = if plates.is_empty() { None } else { Some(calendar()?) };
         let session_time_s = calendar.as_ref().map_or(0.0, |c| c.start_s(name));
+        let sensors = RobotErrors::load(results, &motion)?;
+        let segments = results.place("ik", name)?.join(SEGMENTS_FILE);
+        let segments = if segments.is_file() { Some(read_json(&segments)?) } else { None };
         Ok(Self {
+            sensors,
+            segments,
             trial,
             subject,
             motion,

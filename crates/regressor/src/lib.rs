@@ -31,7 +31,7 @@ pub use body_windows::{BodyWindows, body_windows};
 pub use error::RegressorError;
 pub use factor::{Columns, Factor, RowKind, leave_group_out, leave_one_out};
 pub use limits::{FAIR_TIMES_FLOOR, FLOOR_KNOWN_WITHIN, POOR_TIMES_FLOOR};
-pub use matrix_noise::MatrixNoise;
+pub use matrix_noise::{MatrixNoise, MotionErrors};
 pub use noise::{CoordinateNoise, Noise};
 pub use stretch::{Acting, EffectColumns, Stretch, StretchKind};
 pub use test_function::TestFunction;

@@ -12,8 +12,9 @@
 //!
 //! in which every even order of δ cancels. The rows of a draw are those that the disturbed
 //! recording would have given: the same windows, the same differences in time, the moment origin
-//! along the disturbed path. Errors of different frames are independent. A draw depends on the
-//! names of the recording and of the stretch alone, so that T is the same on any machine.
+//! along the disturbed path. Errors of different frames are independent, or those of a smoother
+//! ([`MotionErrors`]). A draw depends on the frames of the stretch alone, so that T is the same on
+//! any machine and under any name.
 
 use crate::noise::{CoordinateNoise, coordinate_root};
 use crate::stretch::Acting;
@@ -28,20 +29,28 @@ use rand_distr::{Distribution, StandardNormal};
 /// Unit wrenches of the model's effects along a disturbed motion; none without effects.
 pub type EffectsAt<'a> = &'a dyn Fn(&Motion) -> Result<Option<EffectColumns>, RegressorError>;
 
+/// Errors of a motion.
+#[derive(Debug, Clone, Copy)]
+pub enum MotionErrors<'a> {
+    /// Independent in every frame, with this covariance of its coordinates.
+    White(CoordinateNoise<'a>),
+    /// The recording with the errors of each draw added and subtracted, for errors that a smoother
+    /// or a filter has linked over time. Their number is the number of draws.
+    Drawn(&'a [[Motion; 2]]),
+}
+
 /// What the errors of a stretch's rows are drawn from.
 #[derive(Clone, Copy)]
 pub struct MatrixNoise<'a> {
-    /// Errors of the coordinates in one frame.
-    pub coordinates: CoordinateNoise<'a>,
+    /// Errors of the motion.
+    pub motion: MotionErrors<'a>,
     /// Columns of the effects along another motion.
     pub effects_at: EffectsAt<'a>,
-    /// Number of antithetic pairs.
-    pub draws: usize,
 }
 
 impl std::fmt::Debug for MatrixNoise<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("MatrixNoise").field("coordinates", &self.coordinates).field("draws", &self.draws).finish()
+        f.debug_struct("MatrixNoise").field("motion", &self.motion).finish_non_exhaustive()
     }
 }
 
@@ -50,9 +59,17 @@ impl<'a> MatrixNoise<'a> {
     /// two draws give each direction of S to about 3 %.
     pub const DRAWS: usize = 2;
 
-    /// Noise of a model whose effects do not depend on the motion's errors.
-    pub fn new(coordinates: CoordinateNoise<'a>, effects_at: EffectsAt<'a>) -> Self {
-        Self { coordinates, effects_at, draws: Self::DRAWS }
+    /// White noise of the coordinates, in [`Self::DRAWS`] draws.
+    pub fn white(coordinates: CoordinateNoise<'a>, effects_at: EffectsAt<'a>) -> Self {
+        Self { motion: MotionErrors::White(coordinates), effects_at }
+    }
+
+    /// Number of antithetic pairs.
+    fn draws(&self) -> usize {
+        match self.motion {
+            MotionErrors::White(_) => Self::DRAWS,
+            MotionErrors::Drawn(pairs) => pairs.len(),
+        }
     }
 }
 
@@ -72,17 +89,29 @@ pub(crate) fn row_errors(
     options: &WeakOptions,
     noise: &MatrixNoise<'_>,
 ) -> Result<Vec<Mat<f64>>, RegressorError> {
-    let scale = 0.5 / (noise.draws.max(1) as f64).sqrt();
-    let roots = frame_roots(model, motion, stretch, &noise.coordinates)?;
-    (0..noise.draws)
+    let draws = noise.draws();
+    let scale = 0.5 / (draws.max(1) as f64).sqrt();
+    let side = |disturbed: &Motion| {
+        let effects = (noise.effects_at)(disturbed)?;
+        let acting = Acting { effects: effects.as_ref(), ..acting };
+        weak_rows(model, base, prior, disturbed, stretch, acting, options).map(|rows| rows.matrix)
+    };
+    let roots = match noise.motion {
+        MotionErrors::White(coordinates) => frame_roots(model, motion, stretch, &coordinates)?,
+        MotionErrors::Drawn(_) => Vec::new(),
+    };
+    (0..draws)
         .map(|draw| {
-            let side = |sign: f64| {
-                let disturbed = disturb(model, motion, stretch, &roots, draw, sign);
-                let effects = (noise.effects_at)(&disturbed)?;
-                let acting = Acting { effects: effects.as_ref(), ..acting };
-                weak_rows(model, base, prior, &disturbed, stretch, acting, options).map(|rows| rows.matrix)
+            let (ahead, behind) = match noise.motion {
+                MotionErrors::White(_) => {
+                    let of = |sign: f64| side(&disturb(model, motion, stretch, &roots, draw, sign));
+                    (of(1.0)?, of(-1.0)?)
+                }
+                MotionErrors::Drawn(pairs) => {
+                    let [plus, minus] = &pairs[draw];
+                    (side(plus)?, side(minus)?)
+                }
             };
-            let (ahead, behind) = (side(1.0)?, side(-1.0)?);
             if (ahead.nrows(), ahead.ncols()) != (behind.nrows(), behind.ncols()) {
                 return Err(RegressorError::Numeric {
                     trial: stretch.trial.clone(),
@@ -141,14 +170,15 @@ fn disturb(
     out
 }
 
-/// Seed of a draw, from the names of the recording and the stretch (FNV-1a).
+/// Seed of a draw, from the frames of the stretch (FNV-1a): recordings under other names give the
+/// same numbers.
 fn seed(stretch: &Stretch, draw: usize) -> u64 {
     let kind = match stretch.kind {
         crate::StretchKind::Flight => 0_u64,
         crate::StretchKind::Contact => 1,
         crate::StretchKind::Merged => 2,
     };
-    let numbers = [kind, stretch.index as u64, draw as u64];
-    let bytes = stretch.trial.bytes().chain(numbers.iter().flat_map(|n| n.to_le_bytes()));
+    let numbers = [kind, stretch.first_frame as u64, stretch.end_frame as u64, draw as u64];
+    let bytes = numbers.iter().flat_map(|n| n.to_le_bytes());
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }

@@ -176,7 +176,7 @@ fn packed(k: &SwitchKernel) -> Value {
     });
     json!({
         "switches": k.switches, "columns": k.columns, "with_contact": k.with_contact,
-        "always_contact": k.always_contact, "contact": k.contact, "known": k.known, "left_out": k.left_out,
+        "always_contact": k.always_contact, "only_known": k.only_known, "contact": k.contact, "known": k.known, "left_out": k.left_out,
         "present": k.present, "base": k.base, "all": rows(&k.all, !k.base.is_empty(), 5),
         "trials": trials.collect::<Vec<_>>(), "flight_floor": floor(&k.flight_floor),
         "contact_floor": floor(&k.contact_floor), "weight_n": k.weight_n, "best": k.best,

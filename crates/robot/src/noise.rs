@@ -52,10 +52,27 @@ impl SensorErrors {
     /// The motion with one draw of errors, in the frames for which `wanted` holds; only coordinates
     /// are filled, all others are NaN.
     pub fn draw(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
+        self.draw_times(1.0, motion, wanted, seed, draw)
+    }
+
+    /// The motion with the errors of one draw added and subtracted, in all its frames. They depend
+    /// on the number of frames, not on the recording's name.
+    pub fn pair(&self, motion: &Motion, seed: u64, draw: u64) -> [Motion; 2] {
+        let unnamed = Motion { trial: motion.n_frames().to_string(), ..motion.clone() };
+        [1.0, -1.0].map(|sign| {
+            let drawn = self.draw_times(sign, &unnamed, &|_| true, seed, draw);
+            Motion { trial: motion.trial.clone(), ..drawn }
+        })
+    }
+
+    fn draw_times(&self, sign: f64, motion: &Motion, wanted: &dyn Fn(usize) -> bool, seed: u64, draw: u64) -> Motion {
         // another stream for every recording: its sensors' noise is its own
         let mut rng = ChaCha8Rng::seed_from_u64(of_recording(&motion.trial, seed));
         rng.set_stream(draw);
-        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        let mut normal = || -> f64 {
+            let x: f64 = StandardNormal.sample(&mut rng);
+            sign * x
+        };
         let n = motion.n_frames();
         let errors: Vec<Vec<f64>> = (0..6).map(|k| self.path(n, k < 3, &mut normal)).collect();
         // by how much a wrong offset of the clocks moves the base in each frame: a part of the way

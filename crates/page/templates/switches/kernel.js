@@ -201,10 +201,14 @@ const Kernel = (() => {
   const model = (k, on) => {
     const places = on.map((key) => k.switches.findIndex((s) => s.key === key));
     if (places.includes(-1)) return { model: null, because: `\`${on[places.indexOf(-1)]}\` is not among the switches of this page` };
+    // models that the program computed
+    const known = k.known.find((m) => m.effects.length === on.length && on.every((key) => m.effects.includes(key)));
+    if (known) return { model: { ...known, effects: on } };
+    // rows in the metric of their noise give other choices only nearly
+    if (k.only_known) return { model: null, because: "this page holds the model, each switch flipped once and what was found; `aloft studio` computes other choices" };
     // rows with contact do not give a model that is identified without it, nor the other way round
     if ((k.always_contact || places.some((i) => k.with_contact[i])) !== k.contact) {
-      const known = k.known.find((m) => m.effects.length === on.length && on.every((key) => m.effects.includes(key)));
-      return known ? { model: { ...known, effects: on } } : { model: null, because: "this choice changes whether the model is identified from contact as well, and this page has no numbers for it" };
+      return { model: null, because: "this choice changes whether the model is identified from contact as well, and this page has no numbers for it" };
     }
     const first = []; k.columns.reduce((sum, n, i) => { first[i] = sum; return sum + n; }, 0);
     const chosen = places.flatMap((i) => Array.from({ length: k.columns[i] }, (_, c) => first[i] + c));

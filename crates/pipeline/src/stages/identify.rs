@@ -17,7 +17,7 @@ use aloft_study::revision::ModelEffect;
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::json::write_json;
+use aloft_workspace::json::{read_json, write_json};
 use nalgebra::DVector;
 use serde::Serialize;
 use std::collections::{HashMap, HashSet};
@@ -25,7 +25,7 @@ use std::collections::{HashMap, HashSet};
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "identify",
-    version: 9,
+    version: 10,
     scope: Scope::Session,
     seconds: 0.3,
     reads: "all factors",
@@ -127,7 +127,7 @@ pub fn estimator(params: &Params, rows: Rows) -> Estimator {
         (ChosenEstimator::MassConstrained, _) => Estimator::MassConstrained,
         (ChosenEstimator::Regularised, _) => Estimator::Regularised { weight },
         (ChosenEstimator::NoiseMetric, Rows::Weak) => Estimator::NoiseMetric,
-        (ChosenEstimator::Auto, Rows::Weak) if params.is_object => Estimator::MassConstrained,
+        (ChosenEstimator::Auto, Rows::Weak) if params.is_object || params.robot.is_some() => Estimator::NoiseMetric,
         (ChosenEstimator::Auto, Rows::Weak) => Estimator::Regularised { weight },
     }
 }
@@ -304,6 +304,12 @@ impl Predicting {
             .map_err(|e| StageFailure::new(e.to_string()))
     }
 
+    /// Whether [`Predicting::rotated`] gives other choices of effects only nearly: rows in the
+    /// metric of their noise are corrected for as much of it as all effects leave.
+    pub fn rotates_nearly(&self) -> bool {
+        self.estimator == Estimator::NoiseMetric
+    }
+
     /// Estimates from factors that were weighed and merged before.
     pub fn solve_merged(&self, merged: &Factor) -> Result<PointEstimate, StageFailure> {
         let x = point_estimate_prepared(merged, self.mass_kg, self.prior.as_ref(), self.estimator)
@@ -353,6 +359,26 @@ fn nothing_to_identify(
     )))
 }
 
+/// What the model adds to the noise of the markers in the recordings to identify from: the first of
+/// them, and in how many more there is something. Numbers from a model whose joints or markers are
+/// elsewhere are no results.
+fn misfit_of(inputs: &StageInputs<'_>) -> Result<Option<String>, StageFailure> {
+    let mut found = Vec::new();
+    for name in inputs.trials_with_role("regressor", |role| role == Role::Identify) {
+        let file = inputs.results.place("regressor", &name)?.join(super::regressor::MISFITS_FILE);
+        if file.is_file() {
+            let words: Vec<String> = read_json(&file)?;
+            found.extend(words.into_iter().next().map(|words| (name, words)));
+        }
+    }
+    let others = match found.len() {
+        0 | 1 => String::new(),
+        2 => " and one other recording".to_owned(),
+        n => format!(" and {} other recordings", n - 1),
+    };
+    Ok(found.into_iter().next().map(|(name, words)| format!("{name}{others}: {words}")))
+}
+
 fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFailure> {
     let subject = inputs.results.load_subject("calibrate")?;
     let mut done = StageReport::default();
@@ -386,7 +412,12 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         let bootstrap = params.identify.bootstrap;
         let slides = training_slides(inputs, &factors)?;
         match identify_with(params, &subject, &factors, flights.as_ref(), &slides, estimator(params, rows), bootstrap) {
-            Ok(parameters) => {
+            Ok(mut parameters) => {
+                if let Some(misfit) = misfit_of(inputs)? {
+                    parameters.gate.passed = false;
+                    parameters.gate.reasons.insert(0, misfit.clone());
+                    parameters.gate.misfit = Some(misfit);
+                }
                 write_json(&inputs.out.join(parameters_file(rows)), &parameters)?;
                 if let (Some(robot), Rows::Weak) = (&params.robot, rows) {
                     super::robot_torques::fit_joints(

@@ -7,8 +7,8 @@ use crate::trial_rows::{TrialRows, each_stretch, effect_columns, effect_columns_
 use aloft_body::{BaseParameters, Motion, Subject};
 use aloft_regressor::matrix_noise::EffectsAt;
 use aloft_regressor::{
-    Acting, CoordinateNoise, EffectColumns, MatrixNoise, Noise, RegressorError, Slides, Stretch, StretchKind, Tissue,
-    WeakOptions, weak_factor, weak_factor_with_noise, weak_factor_with_tissue,
+    Acting, CoordinateNoise, EffectColumns, MatrixNoise, MotionErrors, Noise, RegressorError, Slides, Stretch,
+    StretchKind, Tissue, WeakOptions, weak_factor, weak_factor_with_noise, weak_factor_with_tissue,
 };
 use aloft_study::config::{Estimator, Weighting};
 use aloft_study::effects::ModelEffects;
@@ -16,6 +16,7 @@ use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::SessionSource;
 use aloft_workspace::error::StageFailure;
+use aloft_workspace::json::write_json;
 use serde::Serialize;
 use serde_json::json;
 
@@ -38,6 +39,9 @@ pub static STAGE: Stage = Stage {
     parameters: parameters_of::<Work>,
     run: run_of::<Work>,
 };
+
+/// File with what the model adds to the noise of an object's markers, in words.
+pub const MISFITS_FILE: &str = "misfits.json";
 
 /// Parameters of the stage.
 #[derive(Debug, Serialize)]
@@ -79,7 +83,11 @@ impl Params {
             is_object: session.is_rigid(),
             robot: session.robot.clone(),
             role: trial.map(|t| t.role),
-            matrix_noise: session.config.identify.estimator == Estimator::NoiseMetric,
+            matrix_noise: match session.config.identify.estimator {
+                Estimator::NoiseMetric => true,
+                Estimator::Auto => session.is_rigid(),
+                _ => false,
+            },
             effects: session.model_effects(),
         }
     }
@@ -125,10 +133,13 @@ fn factors_beside(
     let base = BaseParameters::of(&subject.model);
     let prior = subject.prior_phi();
     let weak = weak_options(params.window_s);
-    let noise = row_noise(params, subject);
+    let marker_sd_m = rows.segments.as_ref().map_or(params.marker_sd_m, |s| s.sd_m);
+    let noise = row_noise(params, subject, marker_sd_m);
     let (model, motion) = (&subject.model, &rows.motion);
     let acting = Acting { measured: rows.wrench.as_deref(), effects };
-    let of_matrix = matrix_noise(params, subject);
+    let drawn = if params.matrix_noise { rows.sensors.as_ref() } else { None };
+    let drawn = drawn.map(|sensors| sensors.pairs(motion, MATRIX_SEED, MatrixNoise::DRAWS));
+    let of_matrix = matrix_noise(params, subject, marker_sd_m, drawn.as_deref());
     let effects_at = |disturbed: &Motion| {
         effect_columns_along(&params.effects, rows, disturbed).map_err(|failure| RegressorError::Numeric {
             trial: rows.trial.name.clone(),
@@ -139,8 +150,8 @@ fn factors_beside(
     let no_effects = |_: &Motion| Ok(None);
     let effects_at: EffectsAt<'_> = if effects.is_some() { &effects_at } else { &no_effects };
     each_stretch(rows, |stretch| {
-        if let Some(coordinates) = of_matrix {
-            let of_matrix = MatrixNoise::new(coordinates, effects_at);
+        if let Some(errors) = of_matrix {
+            let of_matrix = MatrixNoise { motion: errors, effects_at };
             let noise = noise.as_ref();
             return weak_factor_with_noise(model, &base, &prior, motion, stretch, acting, &weak, noise, &of_matrix);
         }
@@ -162,28 +173,35 @@ pub fn weak_options(window_s: f64) -> WeakOptions {
 }
 
 /// Noise for whitening weak rows, if the pipeline asks for it: marker noise, and a slow part for
-/// soft tissue.
-pub fn row_noise<'a>(params: &Params, subject: &'a Subject) -> Option<Noise<'a>> {
+/// soft tissue. `marker_sd_m` is that of the segments' own fits where they have one.
+pub fn row_noise<'a>(params: &Params, subject: &'a Subject, marker_sd_m: f64) -> Option<Noise<'a>> {
     (params.weighting == Weighting::Whitened).then(|| Noise {
         coordinates: if params.robot.is_some() {
             CoordinateNoise::FromMotion
         } else {
-            CoordinateNoise::Markers { markers: &subject.markers, sd_m: params.marker_sd_m }
+            CoordinateNoise::Markers { markers: &subject.markers, sd_m: marker_sd_m }
         },
         slow: params.slow_noise,
         slow_time_s: 0.1,
     })
 }
 
-/// Errors of the coordinates from which those of the rows' matrix are drawn, where the estimator
-/// asks for them.
-fn matrix_noise<'a>(params: &Params, subject: &'a Subject) -> Option<CoordinateNoise<'a>> {
-    params.matrix_noise.then(|| {
-        if params.robot.is_some() {
-            CoordinateNoise::FromMotion
-        } else {
-            CoordinateNoise::Markers { markers: &subject.markers, sd_m: params.marker_sd_m }
-        }
+/// Seed of the sensors' errors in the rows' matrix. The floor of a comparison draws from others, so
+/// that it is not judged by the noise that the estimate was corrected for.
+const MATRIX_SEED: u64 = 0x6d61_7472_6978;
+
+/// Errors of the motion from which those of the rows' matrix are drawn, where the estimator asks
+/// for them: of a robot's sensors through its smoother, or of markers through inverse kinematics.
+fn matrix_noise<'a>(
+    params: &Params,
+    subject: &'a Subject,
+    marker_sd_m: f64,
+    drawn: Option<&'a [[Motion; 2]]>,
+) -> Option<MotionErrors<'a>> {
+    params.matrix_noise.then(|| match drawn {
+        Some(pairs) => MotionErrors::Drawn(pairs),
+        None if params.robot.is_some() => MotionErrors::White(CoordinateNoise::FromMotion),
+        None => MotionErrors::White(CoordinateNoise::Markers { markers: &subject.markers, sd_m: marker_sd_m }),
     })
 }
 
@@ -198,6 +216,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let (factors, warnings) = factors_beside(params, &rows, effects.as_ref(), &mut slides, person)?;
     let mut done = StageReport { warnings: warnings.into(), ..StageReport::default() };
     save_factors(inputs.out, &factors)?;
+    if let Some(segments) = &rows.segments {
+        write_json(&inputs.out.join(MISFITS_FILE), &super::ik::misfits(segments))?;
+    }
     if let Some(robot) = &params.robot {
         super::robot_torques::save_torque_rows(robot, inputs, &rows, &params.effects, effects.as_ref(), &mut done)?;
     }

@@ -435,6 +435,11 @@ impl RobotErrors {
         let report: FusionReport = read_json(&path)?;
         Ok(Some(Self(SensorErrors::new(report, motion.rate_hz))))
     }
+
+    /// The motion with the errors of each draw added and subtracted.
+    pub fn pairs(&self, motion: &Motion, seed: u64, draws: usize) -> Vec<[Motion; 2]> {
+        (0..draws as u64).map(|draw| self.0.pair(motion, seed, draw)).collect()
+    }
 }
 
 impl PoseErrors for RobotErrors {
