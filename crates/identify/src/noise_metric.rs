@@ -19,8 +19,8 @@
 //! along conjugate directions over the length that noise alone gives them. The paper assumes that
 //! the rank falls by exactly one. In these units that can be seen: each direction with σ_k at the
 //! level of the noise is one that the motion does not determine. It is taken out of the rows, so
-//! that the prior alone holds it, with the prior's width ([`Size`] for a direction along which
-//! parameters keep their ratios).
+//! that the prior alone holds it, with the prior's width (its size, for a direction along
+//! which parameters keep their ratios).
 //!
 //! **Solution.** At the minimum the gradient is that of `ψᵀ(G − q S)ψ / s` with
 //! `q = ψᵀGψ / ψᵀSψ` and `s = ψᵀSψ / n`. So the estimate is least squares with rows whose Gram is
@@ -334,9 +334,11 @@ impl NoiseMetric {
 
     /// Whether a direction is at the level of q times the noise. With a variance κ times that of
     /// the noise, an error δ of the noise's variance is one of δ / (κ − 1) in what the direction
-    /// tells: it tells nothing where that exceeds the share of a well determined value.
+    /// tells: it tells nothing where that exceeds the share of a well determined value. The noise
+    /// is never taken for less than what the sensors have: of a few short flights the estimate can
+    /// leave less by chance.
     fn is_noise(&self, k: usize, q: f64) -> bool {
-        q * self.noise[k] * (1.0 + NOISE_KNOWN_WITHIN / WELL) >= 1.0
+        q.max(1.0) * self.noise[k] * (1.0 + NOISE_KNOWN_WITHIN / WELL) >= 1.0
     }
 
     /// ψ of an estimate.
