@@ -113,7 +113,7 @@ impl MarkerErrors {
     }
 
     /// The same for a body without skin: errors of markers of a link that has three or more are
-    /// read from the link's own rigid fit ([`mod@crate::segments`]), so that an error of the
+    /// read from the link's own rigid fit (module `segments`), so that an error of the
     /// model's joints or of a marker's place does not count as noise.
     ///
     /// # Errors

@@ -127,8 +127,8 @@ fn validate_the_page_computes_what_the_program_computes() {
         }
         for (on, own) in choices.iter().zip(answer["models"].as_array().unwrap()) {
             let words = on.join(" + ");
-            // of models that use contact otherwise, and of those in the metric of their rows' noise,
-            // a page holds some, as the program computes them
+            // of models that use contact otherwise, or in the metric of their rows' noise, a page
+            // holds some, as the program computes them
             let only_known = numbers["kernel"]["only_known"] == true;
             if only_known || switches.changes_contact(on).unwrap() {
                 let Some(held) = own["model"].as_object() else {
