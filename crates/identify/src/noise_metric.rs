@@ -50,8 +50,8 @@ const ROUNDING: f64 = 1e-12;
 const HELD: f64 = 10.0;
 
 /// Share of an undetermined direction, in squares of the table's standard deviations, that has to
-/// lie in parameters that change in proportion for it to be a size: of a rigid body it is 1.000, of
-/// a quadrotor with balanced rotors 0.99.
+/// lie in parameters that change in proportion for it to be a size: of a rigid body it is 1.000.
+/// A quadrotor with balanced rotors is not recognised; its size is then too small.
 const MOSTLY: f64 = 0.9;
 
 /// Unit vectors whose difference is shorter than this are the same.
