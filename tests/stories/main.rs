@@ -15,6 +15,7 @@ mod export;
 mod faults;
 mod few_flights;
 mod files_of_others;
+mod held_markers;
 mod help;
 mod invisible;
 mod kill;

@@ -16,6 +16,7 @@ pub mod explanations;
 pub mod export;
 pub mod forget;
 pub mod freshness;
+pub mod held_markers;
 pub mod held_out;
 pub mod history;
 pub mod impulse_mass;

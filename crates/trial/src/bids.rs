@@ -3,6 +3,7 @@
 //!
 //! Format: Brain Imaging Data Structure 1.9, modality-specific files, *Motion*.
 
+use crate::frozen::frozen_to_missing;
 use crate::missing::{is_missing, number};
 use crate::options::{disambiguate, require_content, to_world};
 use crate::people;
@@ -122,6 +123,7 @@ impl Trial {
         trial.markers = Markers { rate_hz, first_frame: 1, n_frames, labels, trajectories };
         require_content(&trial, || "no channel of type POS".to_owned())?;
         people::require_one(&trial)?;
+        frozen_to_missing(&mut trial);
         to_world(&mut trial, options, source.spatial_axes.and_then(up_of_axes), UpAxis::Z);
         Ok(trial)
     }

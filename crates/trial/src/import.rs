@@ -1,5 +1,6 @@
 //! Imports C3D, or TRC with MOT, as a [`Trial`] in SI units and the world frame.
 
+use crate::frozen::frozen_to_missing;
 use crate::limits::leave_out_stuck;
 use crate::mot::{first_time_s, read_ground_reactions};
 use crate::options::{disambiguate, require_content, to_world};
@@ -57,6 +58,7 @@ impl Trial {
         trial.recorded = recorded::of_c3d(file);
         trial.start_s = (f64::from(file.first_frame) - 1.0).max(0.0) / file.point_rate_hz;
         require_possible(&trial)?;
+        frozen_to_missing(&mut trial);
         let screen = file.groups.get("POINT", "Y_SCREEN").and_then(|p| p.string());
         to_world(&mut trial, options, screen.as_deref().and_then(UpAxis::parse), UpAxis::Z);
         correct_reaction_sign(&mut trial);
@@ -118,6 +120,7 @@ impl Trial {
             leave_out_stuck(&mut trial);
         }
         require_possible(&trial)?;
+        frozen_to_missing(&mut trial);
         to_world(&mut trial, options, None, UpAxis::Y);
         correct_reaction_sign(&mut trial);
         Ok(trial)

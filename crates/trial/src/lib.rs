@@ -8,6 +8,7 @@ pub mod corrections;
 pub mod error;
 mod fall;
 mod force_columns;
+mod frozen;
 pub mod gaps;
 mod import;
 pub mod labels;

@@ -30,6 +30,8 @@ pub enum WarningKind {
     Labels,
     /// The recording holds markers of several people; the message names the one who is used.
     People,
+    /// Markers that are held at one position while others move.
+    HeldMarkers,
     /// Parameter section of a C3D file: malformed records that were skipped or repaired.
     Parameters,
     /// Events outside the recording, or without a usable time.

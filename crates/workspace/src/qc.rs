@@ -78,6 +78,7 @@ reasons! {
     NotRun, "not_run", Warning, "Results are missing, or made from other inputs or parameters than the present ones.", "Run again.";
     FramesLost, "frames_lost", Warning, "The file ends before its declared last frame.", "Copy the recording again.";
     MissingMarker, "missing_marker", Warning, "A marker of the set is missing.", "No action needed if the segment has three other markers.";
+    HeldMarker, "held_marker", Warning, "A marker repeats one position exactly while others move: a copy, no measurement. It is missing there.", "Export the recording again without filled gaps; no action needed if the segment has three other markers.";
     LongGap, "long_gap", Warning, "A gap is too long to be filled.", "Label the trial again, or accept frames without a result.";
     Spikes, "spikes", Warning, "A marker jumps.", "Set `import: {repair: true}`, or clean the trial.";
     LabelSwap, "label_swap", Warning, "Two labels are exchanged for some frames.", "Set `import: {repair: true}`, or label the trial again.";

@@ -20,7 +20,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "import",
-    version: 11,
+    version: 12,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set (robots: joint log, base pose)",
@@ -127,6 +127,11 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     done.note("plates", trial.plates.len());
     done.note("filled_gaps", fills.len());
     done.note("duration_s", quality.duration_s);
+    let copies = trial.warnings.iter().filter(|w| w.kind == WarningKind::HeldMarkers);
+    let copies: Vec<&str> = copies.map(|w| w.message.as_str()).collect();
+    if !copies.is_empty() {
+        done.note("held_markers", json!(copies));
+    }
     if let Some(at) = &trial.recorded {
         done.note("recorded", json!(at));
     }
@@ -147,7 +152,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         quality.reasons.iter().filter(|r| r.severity() != Severity::Note).map(QcReason::from).collect();
     reasons.extend(held.map(|_| QcReason::FramesLost));
     reasons.extend(trial.forces_truncated().map(|_| QcReason::PlateIncomplete));
-    reasons.extend(trial.warnings.iter().find(|w| w.kind == WarningKind::Clock).map(|_| QcReason::ClocksDiffer));
+    let said = |kind: WarningKind| trial.warnings.iter().any(|w| w.kind == kind);
+    reasons.extend(said(WarningKind::Clock).then_some(QcReason::ClocksDiffer));
+    reasons.extend(said(WarningKind::HeldMarkers).then_some(QcReason::HeldMarker));
     reasons.sort();
     reasons.dedup();
     done.note("qc", json!(reasons));
