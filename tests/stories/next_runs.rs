@@ -1,6 +1,7 @@
 //! Whatever `next:` prints can be typed: the command ends with exit code 0, and an effect or law
 //! that it adds leaves the error that `discover` promised.
 
+use crate::robot_joints::laboratory;
 use crate::support::{expect, folder, json, repo};
 use serde_json::Value;
 use std::cell::RefCell;
@@ -17,6 +18,8 @@ struct Followed {
     data: PathBuf,
     /// Verdicts of `discover`, in order.
     verdicts: RefCell<Vec<String>>,
+    /// Errors of the torques of joints that the last answer promises.
+    promised_in_joints: RefCell<Vec<(String, f64)>>,
 }
 
 impl Followed {
@@ -33,7 +36,7 @@ impl Followed {
         let own = dir.path().join("study.yaml");
         let text = fs::read_to_string(repo(&format!("pipelines/{pipeline}.yaml"))).unwrap();
         fs::write(&own, text.replace("../fixtures", &repo("fixtures"))).unwrap();
-        Self { dir, pipeline: own, data, verdicts: RefCell::default() }
+        Self { dir, pipeline: own, data, verdicts: RefCell::default(), promised_in_joints: RefCell::default() }
     }
 
     fn at(&self) -> Vec<String> {
@@ -57,6 +60,24 @@ impl Followed {
         errors(&found["errors_after"])
     }
 
+    /// What an answer promises of the torques of joints: joints, and the errors there.
+    fn promised_of_joints(&self) -> Vec<(String, f64)> {
+        let words = [vec!["discover".to_owned()], self.at(), vec!["--json".to_owned()]].concat();
+        let found = json(&words.iter().map(String::as_str).collect::<Vec<_>>());
+        let joints = found["joints"]["joints"].as_array().cloned().unwrap_or_default();
+        let of = |j: &Value| Some((j["joint"].as_str()?.to_owned(), j["held_out_error_after"].as_f64()?));
+        joints.iter().filter_map(of).collect()
+    }
+
+    /// Errors of the torques of joints that the last rung changed.
+    fn reached_in_joints(&self) -> Vec<(String, f64)> {
+        let words = [vec!["history".to_owned()], self.at(), vec!["--json".to_owned()]].concat();
+        let history = json(&words.iter().map(String::as_str).collect::<Vec<_>>());
+        let joints = history["revisions"].as_array().unwrap().last().unwrap()["joints"].as_array().cloned();
+        let of = |j: &Value| Some((j["joint"].as_str()?.to_owned(), j["held_out_error"].as_f64()?));
+        joints.unwrap_or_default().iter().filter_map(of).collect()
+    }
+
     /// Held-out errors of the last rung, likewise.
     fn reached(&self) -> Vec<(String, f64)> {
         let words = [vec!["history".to_owned()], self.at(), vec!["--json".to_owned()]].concat();
@@ -76,9 +97,12 @@ impl Followed {
             verbs.push(if is_effect { words[1..3].join(" ") } else { words[1].clone() });
             next = self.call(&words[1..]);
             match verbs.last().unwrap().as_str() {
-                "discover" => promised = self.promised(),
+                "discover" => {
+                    promised = self.promised();
+                    *self.promised_in_joints.borrow_mut() = self.promised_of_joints();
+                }
                 "effect add" if next.as_ref().is_none_or(|n| n[1] != "effect") => {
-                    assert!(!promised.is_empty(), "{verbs:?}");
+                    assert!(!promised.is_empty() || !self.promised_in_joints.borrow().is_empty(), "{verbs:?}");
                     let reached = self.reached();
                     for (name, b) in &promised {
                         let (_, a) = reached.iter().find(|r| r.0 == *name).unwrap();
@@ -172,6 +196,31 @@ fn what_is_proposed_for_what_the_catalogue_does_not_explain_runs_and_keeps_its_p
 /// recordings of this length.
 const PULSE: &str = "{effect: thrust, link: link1, point_m: [-0.1, 0.0, 0.0], force_n: [0.0, 0.6, 0.0], \
     period_s: 0.21277, on_s: 0.05}";
+
+/// The body is at its floor, and the torque of one joint is not: `run` proposes to ask, and the law
+/// leaves the error of the torque that was promised.
+#[test]
+fn what_is_proposed_for_a_law_of_a_joint_runs_and_keeps_its_promise() {
+    let dir = folder();
+    let data = dir.path().join("lab");
+    laboratory(&data, 11, Some(("l_elbow", |_, v| 0.6 * (-(v / 0.8).powi(2)).exp() * v.signum())));
+    let study = Followed::of(dir, data, "robot");
+    assert_eq!(study.follow(), ["discover", "effect add", "report"]);
+    assert_eq!(*study.verdicts.borrow(), ["nothing_missing"], "the test has lost its case");
+    let (promised, reached) = (study.promised_in_joints.borrow().clone(), study.reached_in_joints());
+    let (_, a) = reached.iter().find(|r| r.0 == "l_elbow").unwrap();
+    let (_, b) = promised.iter().find(|r| r.0 == "l_elbow").unwrap();
+    assert!((a / b - 1.0).abs() < 1e-6, "{a}, promised {b}");
+}
+
+/// Without a hidden law the joints are at their floors, too, and nothing is asked.
+#[test]
+fn nothing_is_asked_of_a_robot_whose_body_and_joints_are_at_their_floors() {
+    let dir = folder();
+    let data = dir.path().join("lab");
+    laboratory(&data, 21, None);
+    assert_eq!(Followed::of(dir, data, "robot").follow(), ["report"]);
+}
 
 #[test]
 #[ignore = "half a minute of a processor each: effects that cannot be told apart, two effects, loads, laws"]

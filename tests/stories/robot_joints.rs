@@ -18,11 +18,11 @@ const RECORDINGS: u64 = 3;
 const FLIGHTS: usize = 4;
 
 /// Torque that a hidden law takes at a coordinate and rate.
-type Hidden = Option<(&'static str, fn(f64, f64) -> f64)>;
+pub type Hidden = Option<(&'static str, fn(f64, f64) -> f64)>;
 
 /// A laboratory with three recordings of four flights. The drives follow their motion, so that a
 /// hidden law is in the torques.
-fn laboratory(data: &Path, seed: u64, hidden: Hidden) {
+pub fn laboratory(data: &Path, seed: u64, hidden: Hidden) {
     copy(Path::new(&repo("fixtures/robot/model")), &data.join("model"));
     fs::copy(repo("fixtures/robot/robot.yaml"), data.join("robot.yaml")).unwrap();
     let True { robot, model, phi } = truth();

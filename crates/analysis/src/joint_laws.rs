@@ -12,7 +12,7 @@ use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use std::sync::OnceLock;
 
-/// The torques as the search asks them, and the first floor that could not be computed.
+/// The torques as the search asks them, and the first error that could not be computed.
 struct Torques<'a> {
     of: &'a JointTorques<'a>,
     failed: OnceLock<StageFailure>,
@@ -28,9 +28,9 @@ impl JointSearch for Torques<'_> {
         self.of.folds(joint, model, tried)
     }
 
-    fn floor(&self, joint: usize, model: &[EffectInstance<'_>]) -> Option<(f64, [f64; 2])> {
+    fn reached(&self, joint: usize, model: &[EffectInstance<'_>]) -> Option<(f64, Option<(f64, [f64; 2])>)> {
         match self.of.error(joint, model) {
-            Ok(error) => error?.floor,
+            Ok(error) => error.map(|e| (e.held_out, e.floor)),
             Err(why) => {
                 self.failed.get_or_init(|| why);
                 None

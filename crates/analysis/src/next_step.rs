@@ -6,9 +6,12 @@ use crate::corrections::{Offer, offers};
 use crate::discover::{earlier, latest};
 use crate::explanations::{Explanation, explanations, instead_of};
 use crate::history::not_shown;
+use crate::joint_laws::joint_errors;
 use crate::session_check::{SessionCheck, session_check};
 use aloft_discover::{Discovery, Verdict};
 use aloft_pipeline::made::as_made;
+use aloft_regressor::limits::at_floor;
+use aloft_study::revision::JointReached;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
 
@@ -87,11 +90,24 @@ pub struct Answers<'a> {
     /// What explains measurements that differ from what was stated, where the present answer cannot
     /// tell an effect from others ([`rivals`]).
     pub explanations: &'a [Explanation],
+    /// True if the torque of some joint is above its floor.
+    pub joint_above: bool,
 }
 
 /// True if some error is not at its floor.
 pub fn is_above(view: &ComparisonView) -> bool {
     view.errors.iter().any(|e| e.at_floor == Some(false))
+}
+
+/// True if the torque of some joint of a robot is above its floor.
+///
+/// # Errors
+/// A result is there and cannot be read.
+pub fn is_joint_above(session: &SubjectSession) -> Result<bool, PipelineError> {
+    let above = |j: &JointReached| {
+        j.noise_floor.and_then(|floor| at_floor(j.held_out_error, floor, j.noise_floor_ci95)) == Some(false)
+    };
+    Ok(joint_errors(session)?.iter().any(above))
 }
 
 /// The next step for results that are `current`, or are not.
@@ -115,6 +131,7 @@ pub fn next_step(session: &SubjectSession, view: &ComparisonView, current: bool)
         earlier: before.as_ref().map(|(d, keys)| (d, &keys[..])),
         not_shown: not_shown.as_deref(),
         explanations: &explanations,
+        joint_above: present.is_none() && is_joint_above(session)?,
     };
     Ok(step(view, answers, &held))
 }
@@ -216,6 +233,7 @@ pub fn step(view: &ComparisonView, answers: Answers<'_>, held: &[&str]) -> NextS
         return match (is_above(view), view.too_few_to_ask()) {
             (_, true) => NextStep::Record(record.unwrap_or_else(|| "record more flights".to_owned())),
             (true, false) => NextStep::Discover { record },
+            (false, false) if answers.joint_above => NextStep::Discover { record },
             (false, false) => record.map_or(NextStep::Use, NextStep::Record),
         };
     };

@@ -120,6 +120,7 @@ pub fn answers<'s>(story: &'s Story<'_>, explanations: &'s [Explanation]) -> Ans
         earlier: earlier.and_then(|(n, d)| Some((&d.answer, held(*n)?))),
         not_shown: revisions.last().and_then(|r| r.not_shown.as_deref()),
         explanations,
+        joint_above: story.joint_above,
     }
 }
 

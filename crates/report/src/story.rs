@@ -7,6 +7,7 @@ use aloft_analysis::discover::{Kept, looked_at};
 use aloft_analysis::freshness::{Freshness, freshness};
 use aloft_analysis::history::{History, history};
 use aloft_analysis::kinematics::{KinematicsRow, kinematics};
+use aloft_analysis::next_step::is_joint_above;
 use aloft_analysis::parameters::{ParametersView, parameters_if_made};
 use aloft_analysis::session_check::{SessionCheck, session_check};
 use aloft_analysis::summary::rows_of;
@@ -62,6 +63,8 @@ pub struct Story<'a> {
     pub offered: Vec<Offer>,
     /// What people wrote about the study.
     pub notes: String,
+    /// True if the torque of some joint is above its floor.
+    pub joint_above: bool,
     /// Results that are not up to date.
     pub freshness: Freshness,
     /// Failures of study-wide stages.
@@ -147,9 +150,11 @@ impl<'a> Story<'a> {
             })
             .collect();
         let checked = session_check(session)?;
+        let joint_above = freshness.is_current() && comparison.is_some() && is_joint_above(session)?;
         Ok(Self {
             trials,
             failures,
+            joint_above,
             freshness,
             subject: read_json_if_there(&ws.place("calibrate", WHOLE_STUDY).join("subject.json"))?,
             comparison,

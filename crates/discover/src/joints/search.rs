@@ -46,10 +46,14 @@ pub trait JointSearch: Sync {
         tried: &[EffectInstance<'_>],
     ) -> Option<Vec<ReducedFold>>;
 
-    /// What a perfect model would leave in a joint's rows with these laws, and its 95 % interval. A
-    /// model that lacks a law has wrong gains, and with them another floor.
-    fn floor(&self, joint: usize, model: &[EffectInstance<'_>]) -> Option<(f64, [f64; 2])>;
+    /// What a joint's rows leave with these laws in the model, and what a perfect model would
+    /// leave, with its 95 % interval. A model that lacks a law has wrong gains, and with them
+    /// another floor.
+    fn reached(&self, joint: usize, model: &[EffectInstance<'_>]) -> Option<(f64, Option<Floor>)>;
 }
+
+/// A floor and its 95 % interval.
+pub type Floor = (f64, [f64; 2]);
 
 /// Range of a nonlinear parameter on which it was searched.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -329,7 +333,9 @@ impl Joint<'_> {
         }
         out.held_out_error = rms(&round.plain, self.input.rows);
         out.candidates = self.candidates(&round);
+        // judged with values that every fold chooses for itself; promised with those that are added
         let mut error = out.held_out_error;
+        let mut promised = error;
         let mut found: Vec<Found> = Vec::new();
         let mut sure = true;
         let mut floor = self.input.floor;
@@ -380,7 +386,8 @@ impl Joint<'_> {
                 sized_with_contact: false,
             });
             model.push(best);
-            floor = self.search.floor(self.index, &model);
+            let reached = self.search.reached(self.index, &model);
+            (promised, floor) = (reached.map_or(error, |r| r.0), reached.and_then(|r| r.1));
             if step + 1 == MOST_LAWS {
                 break;
             }
@@ -395,7 +402,7 @@ impl Joint<'_> {
                 None => break,
             }
         }
-        out.held_out_error_after = error;
+        out.held_out_error_after = promised;
         if let (Some(floor), false) = (floor, found.is_empty()) {
             (out.noise_floor, out.noise_floor_ci95) = (floor.0, Some(floor.1));
         }
