@@ -75,6 +75,10 @@ fn a_mass_that_the_plates_contradict_comes_first() {
     let checked = json(&["check", &path, "--workspace", &ws, "--json"]);
     let offered = checked["offers"].as_array().unwrap().iter().find(|o| o["key"] == "mass_kg");
     assert!(offered.is_some(), "what comes first is offered: {}", checked["offers"]);
+    // the mass is not blamed on the plates alone, nor the plates' scale on the mass
+    let lines = checked["session"]["lines"].as_array().unwrap();
+    let words = lines.iter().find(|l| l["id"] == "impulse_mass").unwrap()["words"].as_str().unwrap();
+    assert!(words.starts_with("the stated mass is 158.7 kg: either it or the gain of all plates (-5"), "{words}");
     let view = json(&["compare", &path, "--workspace", &ws, "--json"]);
     assert!(view["impulse_mass"]["wrong"].is_string());
     // an error near its floor that is judged poor says why in its own row

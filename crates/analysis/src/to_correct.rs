@@ -351,10 +351,72 @@ fn heavier(trials: &[TrialComparison], odd: &[(&str, f64)], weight_n: f64) -> Op
 #[cfg(test)]
 mod tests {
     use super::*;
+    use aloft_compare::{AxisErrors, WindowErrors, WrenchErrors};
 
     fn fall(trial: &str, ratio: f64, leans_deg: f64) -> Fall {
         let differs = (ratio - 1.0).abs() > 0.02 || leans_deg > 1.0;
         Fall { trial: trial.to_owned(), ratio, leans_deg, differs }
+    }
+
+    /// A recording whose flights are off by 6 N, and whose contact is off by a constant along the
+    /// vertical and by something that varies, N.
+    fn on_plates(name: &str, bias_n: f64, varies_n: f64) -> TrialComparison {
+        let axes = |bias: f64, rmse: f64| AxisErrors {
+            mae: [0.0, 0.0, rmse],
+            rmse: [0.0, 0.0, rmse],
+            bias: [0.0, 0.0, bias],
+            max: [0.0, 0.0, rmse],
+        };
+        let none = axes(0.0, 0.0);
+        let frames =
+            WrenchErrors { frames: 100, force_n: none, moment_nm: none, force_world_n: none, moment_world_nm: none };
+        let weak = |force_n: AxisErrors| WindowErrors { windows: 20, force_n, moment_nm: none };
+        let contact = weak(axes(bias_n, bias_n.hypot(varies_n)));
+        TrialComparison {
+            trial: name.to_owned(),
+            held_out_contact: true,
+            held_out_flight: false,
+            flights: 2,
+            untared: false,
+            offset: None,
+            contact: frames.clone(),
+            flight: frames.clone(),
+            contact_weak: contact.clone(),
+            contact_as_measured: frames,
+            contact_weak_as_measured: contact,
+            flight_weak: weak(axes(0.0, 6.0)),
+            plates_correlation: Some(0.999),
+        }
+    }
+
+    /// A body of 70 kg that is stated as 80: the predicted force is too large by the same amount
+    /// everywhere. The plates are not blamed, and a plate of another scale in one recording is.
+    #[test]
+    fn a_wrong_mass_is_told_from_a_wrong_plate() {
+        let weight_n = 80.0 * 9.81;
+        let lighter: Vec<TrialComparison> =
+            ["a", "b", "c"].map(|name| on_plates(name, 98.1, 20.0)).into_iter().collect();
+        let told = |trials: &[TrialComparison]| plates(trials, weight_n).map(|c| c.words);
+        let words = told(&lighter).unwrap();
+        assert!(
+            words.starts_with(
+                "check the stated mass and the scale of the force plates: in 3 of 3 recordings the plates carry 12 % less than the stated weight"
+            ),
+            "{words}"
+        );
+        let heavier: Vec<TrialComparison> =
+            ["a", "b", "c"].map(|name| on_plates(name, -98.1, 20.0)).into_iter().collect();
+        assert!(told(&heavier).unwrap().contains("carry 12 % more than the stated weight"));
+
+        let single = [on_plates("a", 98.1, 20.0), on_plates("b", 1.0, 5.0), on_plates("c", -2.0, 5.0)];
+        assert!(
+            told(&single).unwrap().starts_with("check the force plates in a: in contact the force is off by up to")
+        );
+        let both_ways = [on_plates("a", 98.1, 20.0), on_plates("b", -98.1, 20.0), on_plates("c", 98.1, 20.0)];
+        assert!(told(&both_ways).unwrap().starts_with("check the force plates in a, b, c"));
+        let varies = ["a", "b", "c"].map(|name| on_plates(name, 40.0, 98.1));
+        assert!(told(&varies).unwrap().starts_with("check the force plates in a, b, c"));
+        assert_eq!(told(&["a", "b", "c"].map(|name| on_plates(name, 10.0, 10.0))), None);
     }
 
     #[test]
