@@ -76,7 +76,7 @@ pub(crate) fn to_correct(
     if let Some(words) = misfit {
         return Ok(Some(ToCorrect { words: words.to_owned(), first: true, void: true, offered: false }));
     }
-    if let Some(found) = of_floors(&floors(comparison), weight_n) {
+    if let Some(found) = of_floors(&floors(comparison), weight_n).or_else(|| of_fits(rows)) {
         return Ok(Some(found));
     }
     if let Some(found) = of_falls(&falls(session, ws)?) {
@@ -209,6 +209,40 @@ fn of_floors(floors: &[(&str, f64)], weight_n: f64) -> Option<ToCorrect> {
          large elsewhere (a marker that stands still, jumps or is another one: its chapter of the report shows which and when); {}",
         names.join(", "),
         leave_out(odd[0].0)
+    );
+    Some(ToCorrect { words, first: true, void: false, offered: false })
+}
+
+/// Recordings without enough others of their kind, whose markers fit the model much worse than
+/// those of the whole session: their floor cannot be compared, and what raises it looks like noise.
+/// Jumps, squats and walks of one real session fit within a quarter of each other.
+fn of_fits(rows: &[KinematicsRow]) -> Option<ToCorrect> {
+    let fits: Vec<(&str, f64)> = rows.iter().filter_map(|r| Some((r.trial.as_str(), r.marker_rms_mm?))).collect();
+    let odd: Vec<(&str, f64, f64)> = fits
+        .iter()
+        .filter_map(|&(name, own)| {
+            let others = || fits.iter().filter(|(n, _)| *n != name);
+            let alone = others().filter(|(n, _)| kind(n) == kind(name)).count() < FEWEST_OTHERS;
+            let mut all: Vec<f64> = others().map(|f| f.1).collect();
+            let usual = (alone && all.len() >= FEWEST_OTHERS).then(|| median(&mut all))?;
+            (own > FLOOR_OF_OTHERS * usual).then_some((name, own, usual))
+        })
+        .collect();
+    let (first, ..) = odd.first()?;
+    let mm = |x: f64| significant(x, 2);
+    let mut names: Vec<String> = odd
+        .iter()
+        .take(NAMED)
+        .map(|(name, own, usual)| format!("{name} (markers fit with {} mm, {} mm in the others)", mm(*own), mm(*usual)))
+        .collect();
+    if odd.len() > NAMED {
+        names.push(format!("{} more", odd.len() - NAMED));
+    }
+    let words = format!(
+        "check or exclude {}: errors of its own markers raise its floor, which then hides what is as large (labels exchanged, a marker \
+         that jumps or is another one: its chapter of the report shows which and when); {}",
+        names.join(", "),
+        leave_out(first)
     );
     Some(ToCorrect { words, first: true, void: false, offered: false })
 }
@@ -434,6 +468,29 @@ mod tests {
         assert_eq!(of_floors(&[("jump01", 19.0), ("jump02", 10.0), ("jump03", 11.0)], 700.0), None);
         // every recording is loud
         assert_eq!(of_floors(&jumps, 100.0), None);
+    }
+
+    #[test]
+    fn a_recording_without_others_like_it_is_compared_by_its_markers() {
+        let row = |(trial, mm): (&str, f64)| KinematicsRow {
+            trial: trial.to_owned(),
+            role: "validate",
+            marker_rms_mm: Some(mm),
+            flights: None,
+            gravity_error_percent: None,
+        };
+        let told = |fits: &[(&str, f64)]| of_fits(&fits.iter().copied().map(row).collect::<Vec<_>>()).map(|c| c.words);
+        let jumps = [("jump01", 1.2), ("jump02", 1.1), ("jump03", 1.3)];
+        let with = |one: (&'static str, f64)| [&jumps[..], &[one]].concat();
+        let words = told(&with(("exercise01", 17.5))).unwrap();
+        assert!(
+            words.starts_with("check or exclude exercise01 (markers fit with 18 mm, 1.2 mm in the others)"),
+            "{words}"
+        );
+        assert_eq!(told(&with(("exercise01", 2.3))), None);
+        // its floor is compared with those of others like it
+        assert_eq!(told(&with(("jump04", 17.5))), None);
+        assert_eq!(told(&[("exercise01", 17.5), ("jump01", 1.2)]), None);
     }
 
     #[test]
