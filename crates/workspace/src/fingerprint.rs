@@ -6,6 +6,7 @@ use crate::input;
 use crate::seal;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::io::{Error, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -18,6 +19,8 @@ const INPUTS: &str = "inputs.json";
 pub(crate) struct InputHashes {
     list: PathBuf,
     known: Mutex<BTreeMap<String, InputStamp>>,
+    /// Recordings that this process could not read, with what the system said.
+    unread: Mutex<BTreeMap<PathBuf, (ErrorKind, String)>>,
 }
 
 /// A recording's hash and the file metadata for which it holds.
@@ -86,12 +89,25 @@ impl InputHashes {
         let list = root.join(INPUTS);
         // none: what is not known is hashed
         let known = seal::read(&list).ok().unwrap_or_default();
-        Self { list, known: Mutex::new(known) }
+        Self { list, known: Mutex::new(known), unread: Mutex::default() }
     }
 
     /// Content hash of a recording. The file is read again only if its size, modification time,
-    /// change time or inode differ.
+    /// change time or inode differ. One that could not be read stays so: a recording that counts as
+    /// unreadable in one place and not in the next would be taken for changed, or for no copy.
     pub(crate) fn of(&self, path: &Path) -> Result<String, PipelineError> {
+        let mut unread = self.unread.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((kind, words)) = unread.get(path) {
+            return Err(PipelineError::io("read", path)(Error::new(*kind, words.clone())));
+        }
+        let hash = self.of_content(path);
+        if let Err(PipelineError::Io { problem, .. }) = &hash {
+            unread.insert(path.to_path_buf(), (problem.kind(), problem.to_string()));
+        }
+        hash
+    }
+
+    fn of_content(&self, path: &Path) -> Result<String, PipelineError> {
         let identity =
             |path: &Path| -> Result<Option<Identity>, PipelineError> { Ok(Identity::of(&input::look(path)?)) };
         let before = identity(path)?;
@@ -117,8 +133,7 @@ impl InputHashes {
     pub(crate) fn save(&self) -> Result<(), PipelineError> {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner).clone();
         known.retain(|_, stamp| stamp.settled);
-        // none: a list that cannot be read is written again
-        if seal::read::<BTreeMap<String, InputStamp>>(&self.list).is_ok_and(|old| old == known) {
+        if seal::read_if_whole::<BTreeMap<String, InputStamp>>(&self.list)?.is_some_and(|old| old == known) {
             return Ok(());
         }
         seal::write_whole(&self.list, &known)

@@ -75,6 +75,19 @@ pub fn read_if_there<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, Pipe
     if disk::is_there(path)? { read(path).map(Some) } else { Ok(None) }
 }
 
+/// The same for a file that is made again where it is damaged: none then, too.
+///
+/// # Errors
+/// The file is there and the system cannot read it. It is neither missing nor damaged, and another
+/// answer would follow if it were taken for that.
+pub fn read_if_whole<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, PipelineError> {
+    match read_if_there(path) {
+        // none: as the caller says
+        Err(PipelineError::Damaged { .. }) => Ok(None),
+        other => other,
+    }
+}
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "tests fail by panicking")]
 mod tests {
