@@ -1,6 +1,8 @@
 //! Layout of a workspace: the file that marks its folder, and the version stated there.
 
+use crate::disk;
 use crate::error::PipelineError;
+use crate::input;
 use crate::manifest::MANIFEST;
 use std::path::Path;
 
@@ -20,8 +22,11 @@ pub fn marker_text() -> String {
 /// neither read nor written.
 pub fn refuse_other_format(root: &Path) -> Result<(), PipelineError> {
     let marker = root.join(MARKER);
-    // none: a folder without a marker is no workspace yet
-    let Ok(text) = std::fs::read_to_string(&marker) else { return Ok(()) };
+    // a folder without a marker is no workspace yet
+    if !disk::is_there(&marker)? {
+        return Ok(());
+    }
+    let text = input::lossy(&marker)?;
     let stated = text.lines().find_map(|l| l.strip_prefix("format ")).map(|n| n.trim().parse::<u32>());
     let found = match stated {
         Some(Ok(FORMAT)) => return Ok(()),
