@@ -85,7 +85,7 @@ fn files(workspace: &Path) -> Result<Vec<(SystemTime, PathBuf)>, PipelineError> 
 /// The model or the answer is damaged or cannot be read.
 pub fn present(session: &SubjectSession) -> Result<Option<Kept<Discovery>>, PipelineError> {
     let all = Revisions::load(&session.workspace)?;
-    on_present_results(session, &all, &all.effects(), &looked_at(session))
+    on_present_results(session, &all, &all.effects(), &looked_at(session)?)
 }
 
 /// The answer for a model on some results.
@@ -143,7 +143,7 @@ fn last_of(
 /// As [`present`].
 pub fn of_revisions(session: &SubjectSession) -> Result<Vec<(usize, Kept<Discovery>)>, PipelineError> {
     let all = Revisions::load(&session.workspace)?;
-    let results = looked_at(session);
+    let results = looked_at(session)?;
     let mut out = Vec::new();
     for (i, r) in all.revisions.iter().enumerate() {
         if all.revisions[i + 1..].iter().all(|later| later.effects != r.effects) {
@@ -160,7 +160,7 @@ pub fn of_revisions(session: &SubjectSession) -> Result<Vec<(usize, Kept<Discove
 /// As [`present`].
 pub fn earlier(session: &SubjectSession) -> Result<Option<(Discovery, Vec<String>)>, PipelineError> {
     let all = Revisions::load(&session.workspace)?;
-    let (present, results) = (all.effects(), looked_at(session));
+    let (present, results) = (all.effects(), looked_at(session)?);
     for r in all.revisions.iter().rev().filter(|r| r.effects != present) {
         if let Some(kept) = on_present_results(session, &all, &r.effects, &results)? {
             return Ok(Some((kept.answer, r.effects.iter().map(|e| e.key.clone()).collect())));

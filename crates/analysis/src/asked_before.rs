@@ -13,7 +13,8 @@ use aloft_study::subject_session::SubjectSession;
 pub fn answered(session: &SubjectSession, options: &DiscoverOptions) -> Option<DiscoveryView> {
     // none: an answer that cannot be read is computed again
     let kept = present(session).ok()??;
-    if kept.question.is_none() || kept.question != question(session, options) {
+    // none: as above
+    if kept.question.is_none() || kept.question != question(session, options).ok()? {
         return None;
     }
     // none: computing the answer again names what is damaged

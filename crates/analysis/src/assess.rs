@@ -118,15 +118,15 @@ fn place(session: &SubjectSession) -> PathBuf {
     session.workspace.join("assessment.json")
 }
 
-fn identification(ws: &Workspace) -> Option<String> {
-    ws.manifest("identify", WHOLE_STUDY).filter(|m| m.is_ok()).map(|m| m.output)
+fn identification(session: &SubjectSession) -> Result<Option<String>, PipelineError> {
+    Ok(Workspace::open(&session.workspace).usable("identify", WHOLE_STUDY)?.map(|m| m.output))
 }
 
 /// The stored assessment, if it belongs to the present parameters.
 pub fn stored(session: &SubjectSession) -> Result<Option<Assessment>, PipelineError> {
-    let ws = Workspace::open(&session.workspace);
     let found: Option<Assessment> = seal::read_if_there(&place(session))?;
-    Ok(found.filter(|f| Some(&f.of) == identification(&ws).as_ref()))
+    let Some(found) = found else { return Ok(None) };
+    Ok((Some(&found.of) == identification(session)?.as_ref()).then_some(found))
 }
 
 /// Data of one trial.
@@ -152,9 +152,8 @@ struct Setting<'a> {
 /// Tries window lengths, noise levels and motions, and stores the answer in the workspace.
 pub fn assess(session: &SubjectSession) -> Result<Assessment, PipelineError> {
     let robot = session.config.robot.as_ref();
-    let session = &aloft_pipeline::made::as_made(session);
-    let ws = Workspace::open(&session.workspace);
-    let of = identification(&ws).ok_or_else(|| {
+    let session = &aloft_pipeline::made::as_made(session)?;
+    let of = identification(session)?.ok_or_else(|| {
         PipelineError::request_hint(
             format!("nothing was identified in {}", session.workspace.display()),
             format!("run `{}` first", command(session, "run", None)),
@@ -179,7 +178,7 @@ pub fn assess(session: &SubjectSession) -> Result<Assessment, PipelineError> {
         };
         setting.assess(made.results, of.clone())
     })?;
-    if identification(&Workspace::open(&session.workspace)).as_ref() != Some(&found.of) {
+    if identification(session)?.as_ref() != Some(&found.of) {
         return Err(PipelineError::request("the results changed while they were assessed; assess them again"));
     }
     seal::write_whole(&place(session), &found)?;

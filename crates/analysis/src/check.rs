@@ -134,7 +134,7 @@ pub fn check(session: &SubjectSession) -> Result<Check, PipelineError> {
         remarks.push(format!("no force file beside {}; see `trials: {{forces: …}}`", abridged(&alone)));
     }
     let measured = session_check(session)?;
-    let offers = offers(&as_made(session), &measured)?;
+    let offers = offers(&as_made(session)?, &measured)?;
     let asked = answers::present(session)?.map(|kept| kept.answer);
     let explanations = explanations(session, &measured, &offers, asked.as_ref());
     Ok(Check { version: 1, trials, findings, remarks, session: measured, offers, explanations })

@@ -15,7 +15,7 @@ use aloft_study::commands::command;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::disk::is_there;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::{read_json, read_json_if_there};
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
@@ -232,23 +232,22 @@ fn to_do(p: &Parameters) -> Option<String> {
 }
 
 /// Why nothing was identified, as the stage `identify` said it.
-pub fn nothing_identified(ws: &Workspace) -> String {
-    read_json(&ws.place("identify", WHOLE_STUDY).join(NOTHING_IDENTIFIED))
-        // none: only the words that the stage wrote
-        .unwrap_or_else(|_| "nothing was identified; the masses are from tables".to_owned())
+///
+/// # Errors
+/// Its words are there and cannot be read.
+pub fn nothing_identified(ws: &Workspace) -> Result<String, PipelineError> {
+    let words = read_json_if_there(&ws.place("identify", WHOLE_STUDY).join(NOTHING_IDENTIFIED))?;
+    Ok(words.unwrap_or_else(|| "nothing was identified; the masses are from tables".to_owned()))
 }
 
 /// What the comparison cannot say, because the model is not the whole body.
 fn limits(ws: &Workspace, comparison: &Comparison) -> Result<Vec<String>, PipelineError> {
     let path = ws.place("calibrate", WHOLE_STUDY).join("subject.json");
-    Ok(read_json_if_there(&path)?.map(|subject| limits_of(ws, comparison, &subject)).unwrap_or_default())
-}
-
-fn limits_of(ws: &Workspace, comparison: &Comparison, subject: &Subject) -> Vec<String> {
+    let Some(subject) = read_json_if_there::<Subject>(&path)? else { return Ok(Vec::new()) };
     if let (None, Some(points)) = (subject.model.unseen_parts(), &subject.estimated) {
-        return of_estimates(points, smoothed_hz(ws, comparison), comparison);
+        return Ok(of_estimates(points, smoothed_hz(ws, comparison)?, comparison));
     }
-    let Some(unseen) = subject.model.unseen_parts() else { return Vec::new() };
+    let Some(unseen) = subject.model.unseen_parts() else { return Ok(Vec::new()) };
     let mut out = vec![format!(
         "{unseen} move unseen; their mass is fixed to the neighbouring link as in the static posture: the difference from the plates contains \
          their motion, so it is no test of masses or plates"
@@ -260,7 +259,7 @@ fn limits_of(ws: &Workspace, comparison: &Comparison, subject: &Subject) -> Vec<
                 .to_owned(),
         );
     }
-    out
+    Ok(out)
 }
 
 /// What markerless recordings cannot say, and what they can.
@@ -284,9 +283,12 @@ fn of_estimates(points: &EstimatedPoints, smoothed_hz: Option<f64>, comparison: 
 }
 
 /// Smallest frequency at which the recordings were smoothed before import; none if they were not.
-fn smoothed_hz(ws: &Workspace, comparison: &Comparison) -> Option<f64> {
-    let of = |trial: &str| ws.manifest("import", trial)?.summary.get("smoothed_hz")?.as_f64();
-    comparison.first.trials.iter().filter_map(|t| of(&t.trial)).min_by(f64::total_cmp)
+fn smoothed_hz(ws: &Workspace, comparison: &Comparison) -> Result<Option<f64>, PipelineError> {
+    let mut all = Vec::new();
+    for t in &comparison.first.trials {
+        all.extend(ws.manifest("import", &t.trial)?.and_then(|m| m.summary.get("smoothed_hz")?.as_f64()));
+    }
+    Ok(all.into_iter().min_by(f64::total_cmp))
 }
 
 /// Stages whose results the comparison is read from.
@@ -301,26 +303,24 @@ pub fn compare_if_made(session: &SubjectSession) -> Result<Option<ComparisonView
 
 /// Reads the results of the stage `compare`.
 pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError> {
-    let session = &aloft_pipeline::made::as_made(session);
+    let session = &aloft_pipeline::made::as_made(session)?;
     let ws = Workspace::open(&session.workspace);
     let path = ws.place("compare", WHOLE_STUDY).join("comparison.json");
-    if !path.is_file() {
-        return Err(PipelineError::request_hint(
+    let comparison: Comparison = read_json_if_there(&path)?.ok_or_else(|| {
+        PipelineError::request_hint(
             format!("nothing was compared in {}", session.workspace.display()),
             format!("run `{}` first", command(session, "run", None)),
-        ));
-    }
-    let comparison: Comparison = read_json(&path)?;
+        )
+    })?;
     let rows = session.config.regressor.rows;
     let place = ws.place("identify", WHOLE_STUDY);
-    let found = place.join(parameters_file(rows));
-    let parameters: Option<Parameters> = if found.is_file() { Some(read_json(&found)?) } else { None };
+    let parameters: Option<Parameters> = read_json_if_there(&place.join(parameters_file(rows)))?;
     let gate_passed = parameters.as_ref().is_some_and(|p| p.gate.passed);
     let limits = limits(&ws, &comparison)?;
     let weight = weight_n(session);
     let mut brief = match &parameters {
         Some(p) => ParametersBrief::of(rows.word(), p),
-        None => ParametersBrief::nothing(rows.word(), session.facts.person.mass_kg, nothing_identified(&ws)),
+        None => ParametersBrief::nothing(rows.word(), session.facts.person.mass_kg, nothing_identified(&ws)?),
     };
     if gate_passed && brief.to_do.is_none() {
         brief.to_do = noisy(&comparison, weight);
@@ -367,7 +367,7 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
         version: 1,
         subject: session.facts.person.name.clone(),
         errors,
-        left_out: left_out(session, &ws, &comparison),
+        left_out: left_out(session, &ws, &comparison)?,
         parameters: brief,
         limits,
         kinematics: rows_of_trials,
@@ -379,24 +379,20 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
 }
 
 /// Dynamic trials of the study that the comparison does not contain.
-fn left_out(session: &SubjectSession, ws: &Workspace, comparison: &Comparison) -> Vec<LeftOut> {
+fn left_out(session: &SubjectSession, ws: &Workspace, comparison: &Comparison) -> Result<Vec<LeftOut>, PipelineError> {
     let compared = |name: &str| comparison.first.trials.iter().any(|t| t.trial == name);
     session
         .included()
         .filter(|t| t.role.is_dynamic())
         .filter_map(|t| {
-            let failed = failed_stage(ws, &t.name);
-            match failed {
-                Some((stage, failure)) => {
-                    Some(LeftOut { trial: t.name.clone(), stage: Some(stage), because: failure.problem })
-                }
+            let of = |stage, because| Some(LeftOut { trial: t.name.clone(), stage, because });
+            let without = "it was not in the recordings when the comparison was made, or has no rows";
+            let failed = failed_stage(ws, &t.name).map(|failed| match failed {
+                Some((stage, failure)) => of(Some(stage), failure.problem),
                 None if compared(&t.name) => None,
-                None => Some(LeftOut {
-                    trial: t.name.clone(),
-                    stage: None,
-                    because: "it was not in the recordings when the comparison was made, or has no rows".to_owned(),
-                }),
-            }
+                None => of(None, without.to_owned()),
+            });
+            failed.transpose()
         })
         .collect()
 }
@@ -406,7 +402,7 @@ fn left_out(session: &SubjectSession, ws: &Workspace, comparison: &Comparison) -
 /// # Errors
 /// The report exists and cannot be read.
 pub fn calibration(ws: &Workspace) -> Result<Option<CalibrationView>, PipelineError> {
-    let manifest = ws.manifest("calibrate", WHOLE_STUDY);
+    let manifest = ws.manifest("calibrate", WHOLE_STUDY)?;
     let used = manifest.and_then(|m| m.summary.get("used").and_then(serde_json::Value::as_bool));
     let path = ws.place("calibrate", WHOLE_STUDY).join("report.json");
     let report: Option<CalibrationReport> = if used.is_some() { read_json_if_there(&path)? } else { None };

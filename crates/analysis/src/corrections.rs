@@ -201,9 +201,9 @@ pub fn to_yaml(offers: &[Offer]) -> String {
 pub fn keep_reached(session: &SubjectSession) -> Result<(), PipelineError> {
     let mut all = Revisions::load(&session.workspace)?;
     let ws = Workspace::open(&session.workspace);
-    let made = as_made(session).config.corrections;
+    let made = as_made(session)?.config.corrections;
     let Some(last) = all.revisions.last_mut() else { return Ok(()) };
-    if session.config.corrections == last.corrections || made != last.corrections || !made_for(&ws, &last.effects) {
+    if session.config.corrections == last.corrections || made != last.corrections || !made_for(&ws, &last.effects)? {
         return Ok(());
     }
     let Some(view) = compare_if_made(session)? else { return Ok(()) };
@@ -216,8 +216,8 @@ pub fn add_rung(session: &SubjectSession) -> Result<Option<String>, PipelineErro
     let mut all = Revisions::load(&session.workspace)?;
     let ws = Workspace::open(&session.workspace);
     let Some(last) = all.revisions.last() else { return Ok(None) };
-    let made = as_made(session).config.corrections;
-    if made == last.corrections || !made_for(&ws, &last.effects) {
+    let made = as_made(session)?.config.corrections;
+    if made == last.corrections || !made_for(&ws, &last.effects)? {
         return Ok(None);
     }
     if last.reached.is_none() {

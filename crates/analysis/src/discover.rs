@@ -30,7 +30,7 @@ use aloft_study::effects::asks_session_time;
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::{read_json, read_json_if_there};
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::seal;
 use aloft_workspace::workspace::Workspace;
@@ -51,7 +51,7 @@ pub struct Volume {
 
 /// Wraps an answer; an error if the results changed while it was computed.
 fn kept<T>(session: &SubjectSession, made_from: String, answer: T) -> Result<Kept<T>, PipelineError> {
-    if looked_at(session) != made_from {
+    if looked_at(session)? != made_from {
         return Err(PipelineError::request_hint(
             format!("the results in {} changed during the analysis", session.workspace.display()),
             "repeat when no run is active",
@@ -338,7 +338,7 @@ pub fn discover(
     tell: &(dyn Fn(Told<'_>) + Sync),
 ) -> Result<DiscoveryView, PipelineError> {
     refuse_repeated(session)?;
-    let (made_from, asked) = (looked_at(session), question(session, options));
+    let (made_from, asked) = (looked_at(session)?, question(session, options)?);
     Evidence::load(session)?.with_progress(session, tell, |bench| found(session, bench, options, made_from, asked))
 }
 
@@ -543,10 +543,7 @@ fn free_fall(session: &SubjectSession) -> Result<Option<String>, PipelineError> 
     let (mut trials, mut words) = (0, Vec::new());
     for trial in session.included() {
         let path = workspace.place("flight", &trial.name).join("flights.json");
-        if !path.is_file() {
-            continue;
-        }
-        if let Some(fall) = read_json::<FlightReport>(&path)?.free_fall {
+        if let Some(fall) = read_json_if_there::<FlightReport>(&path)?.and_then(|report| report.free_fall) {
             trials += 1;
             words.extend(fall.warning().map(|words| (words, fall.size_differs())));
         }
@@ -599,7 +596,7 @@ pub fn self_test(
     options: &DiscoverOptions,
     told: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<SelfTested, PipelineError> {
-    let made_from = looked_at(session);
+    let made_from = looked_at(session)?;
     Evidence::load(session)?.with(session, |bench| {
         let options = SelfTestOptions { discover: options.clone(), ..SelfTestOptions::default() };
         let each = |p: &SelfTestProgress<'_>| told(p.done, p.of);

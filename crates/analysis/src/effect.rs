@@ -205,7 +205,7 @@ pub fn add(
         }
         let mut effects = all.effects();
         let asked = Asked::read(session)?;
-        if asked.names(key) && !asked.is_of(session) {
+        if asked.names(key) && !asked.is_of(session)? {
             notes.push(format!("the values of {key} come from a `discover` of other results; run `discover` again"));
         }
         let scene = asked.scene(session)?;
@@ -238,7 +238,7 @@ pub fn add(
         crate::discover::refuse_without_numbers(session, &chosen)?;
         let action = format!("add {}", chosen.key);
         let key = chosen.key.clone();
-        let doubt = asked.not_named(session, &chosen);
+        let doubt = asked.not_named(session, &chosen)?;
         // the class of an effect that is added again is the one that it had
         let as_well =
             asked.as_well(&chosen).or_else(|| all.revisions.iter().rev().find_map(|r| r.confusable.get(&key).cloned()));
@@ -281,8 +281,12 @@ impl Asked {
     }
 
     /// True if it was computed from the present results.
-    pub fn is_of(&self, session: &SubjectSession) -> bool {
-        self.made_from.as_ref().is_some_and(|from| *from == looked_at(session))
+    ///
+    /// # Errors
+    /// A manifest is there and cannot be read.
+    pub fn is_of(&self, session: &SubjectSession) -> Result<bool, PipelineError> {
+        let Some(from) = &self.made_from else { return Ok(false) };
+        Ok(*from == looked_at(session)?)
     }
 
     /// True if it holds values for an effect.
@@ -302,13 +306,18 @@ impl Asked {
 
     /// Why the discovery on the present results did not name an effect that it ranked; none if it
     /// named it, or says nothing of it.
-    fn not_named(&self, session: &SubjectSession, effect: &ModelEffect) -> Option<String> {
-        let d = self.found.as_ref().filter(|_| self.is_of(session))?;
+    fn not_named(&self, session: &SubjectSession, effect: &ModelEffect) -> Result<Option<String>, PipelineError> {
+        let Some(d) = self.found.as_ref() else { return Ok(None) };
+        if !self.is_of(session)? {
+            return Ok(None);
+        }
         let id = effect.id();
         let named = d.groups.iter().any(|g| g.effects.iter().any(|e| e == id)) || d.effects.iter().any(|e| e == id);
-        let c = d.candidates.iter().find(|c| c.effect == id && !c.placebo).filter(|_| !named)?;
-        let left = aloft_compare::significant(100.0 * c.held_out_ratio, 2);
-        Some(format!("it left {left} % of the error in {}, and {}", c.judged_on, crate::verdict::decided(c, d)))
+        let c = d.candidates.iter().find(|c| c.effect == id && !c.placebo).filter(|_| !named);
+        Ok(c.map(|c| {
+            let left = aloft_compare::significant(100.0 * c.held_out_ratio, 2);
+            format!("it left {left} % of the error in {}, and {}", c.judged_on, crate::verdict::decided(c, d))
+        }))
     }
 
     /// What the model does not know of an effect that the discovery did not fit, in words.

@@ -128,7 +128,7 @@ pub struct EstimatorsView {
 
 /// Rows × estimators × geometry, on the same held-out motion.
 pub fn estimators(session: &SubjectSession) -> Result<EstimatorsView, PipelineError> {
-    let session = &aloft_pipeline::made::as_made(session);
+    let session = &aloft_pipeline::made::as_made(session)?;
     with_results(session, |made| {
         let subject = made.results.load_subject("calibrate")?;
         let trials = load_trials(&compare::Params::of(made.session), made.results, &|| made.calendar(), &made.trials)?;
@@ -412,7 +412,7 @@ pub struct LeaveOneOutView {
 /// Predicts each dynamic trial from all others by four models: the prior, flights, contact, and
 /// both. Uses stored factors.
 pub fn leave_one_out(session: &SubjectSession) -> Result<LeaveOneOutView, PipelineError> {
-    let session = &aloft_pipeline::made::as_made(session);
+    let session = &aloft_pipeline::made::as_made(session)?;
     with_results(session, |made| {
         let subject = made.results.load_subject("calibrate")?;
         let trials = load_trials(&compare::Params::of(made.session), made.results, &|| made.calendar(), &made.trials)?;

@@ -7,7 +7,7 @@ use aloft_pipeline::stages::STAGES;
 use aloft_study::revision::Revisions;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 use std::collections::HashSet;
@@ -60,9 +60,8 @@ pub fn with_stale<T>(
 /// Checks every result and compares every file with its hash.
 pub fn freshness(session: &SubjectSession) -> Result<Freshness, PipelineError> {
     let ws = Workspace::open(&session.workspace);
-    let manifests = Manifests::read_and_examine(session, &ws, STAGES);
-    let mut stale = not_current_of(session, &ws, &states(session, &ws, &manifests)?);
-    ws.all_read()?;
+    let manifests = Manifests::read_and_examine(session, &ws, STAGES)?;
+    let mut stale = not_current_of(session, &manifests, &states(session, &ws, &manifests)?);
     if let Some(pending) = Revisions::load(&session.workspace)?.pending {
         stale.insert(
             0,
@@ -81,16 +80,15 @@ pub fn freshness(session: &SubjectSession) -> Result<Freshness, PipelineError> {
 /// Why one result is not current; none if it is. Files are not compared with their hashes.
 pub fn of_result(session: &SubjectSession, stage: &str, trial: &str) -> Result<Option<NotCurrent>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
-    let manifests = Manifests::read(session, &ws, STAGES);
-    let all = not_current_of(session, &ws, &states(session, &ws, &manifests)?);
-    ws.all_read()?;
+    let manifests = Manifests::read(session, &ws, STAGES)?;
+    let all = not_current_of(session, &manifests, &states(session, &ws, &manifests)?);
     Ok(all.into_iter().find(|n| n.stage == stage && n.trial == trial))
 }
 
 /// The same from known task states. A result whose trial failed, or that was blocked by a failure,
 /// counts as up to date.
-pub fn not_current_of(session: &SubjectSession, ws: &Workspace, states: &TaskStates) -> Vec<NotCurrent> {
-    let is_left = |stage: &str, trial: &str| ws.manifest(stage, trial).is_some_and(|m| m.is_ok());
+pub fn not_current_of(session: &SubjectSession, manifests: &Manifests, states: &TaskStates) -> Vec<NotCurrent> {
+    let is_left = |stage: &str, trial: &str| manifests.get(stage, trial).is_some_and(Manifest::is_ok);
     let mut out: Vec<NotCurrent> = Vec::new();
     let mut behind: HashSet<(&str, &str)> = HashSet::new();
     for stage in STAGES {

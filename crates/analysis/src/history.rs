@@ -12,7 +12,7 @@ use aloft_robot::joint_fit::JointFit;
 use aloft_study::revision::{JointReached, Judged, ModelEffect, Reached, ReachedCoefficient, Revision, Revisions};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
@@ -153,8 +153,8 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
     // made
     let mut since_made = None;
     if let Some(last) = all.revisions.last_mut()
-        && made_for(&ws, &last.effects)
-        && aloft_pipeline::made::as_made(session).config.corrections == last.corrections
+        && made_for(&ws, &last.effects)?
+        && aloft_pipeline::made::as_made(session)?.config.corrections == last.corrections
     {
         let mut now = reached(session, &compare(session)?)?;
         // errors of torques are those of the moment when the revision was made, if its results are
@@ -164,7 +164,7 @@ pub fn history(session: &SubjectSession) -> Result<History, PipelineError> {
         last.reached = Some(now);
     }
     let acts = |e: &ModelEffect| acts_in(session, e);
-    let weight = weight_n(&aloft_pipeline::made::as_made(session));
+    let weight = weight_n(&aloft_pipeline::made::as_made(session)?);
     let mut rows: Vec<HistoryRow> = (0..all.revisions.len()).map(|i| row(&all.revisions, i, &acts, weight)).collect();
     if let Some(last) = rows.last_mut() {
         last.trials_changed = since_made.or(last.trials_changed.take());
@@ -196,12 +196,22 @@ fn without_others(session: &SubjectSession, held: &[String]) -> Result<Option<St
 
 /// True if the comparison in a workspace was made with these effects and with the parameters stored
 /// next to it.
-pub(crate) fn made_for(ws: &Workspace, effects: &[ModelEffect]) -> bool {
-    let Some(compared) = ws.manifest("compare", WHOLE_STUDY) else { return false };
-    let same = |(input, hash): (&String, &String)| {
-        input.split_once('/').is_none_or(|(stage, trial)| ws.manifest(stage, trial).is_some_and(|m| m.output == *hash))
-    };
-    compared_effects(ws).is_some_and(|e| e == effects) && compared.inputs.iter().all(same)
+///
+/// # Errors
+/// A manifest is there and cannot be read.
+pub(crate) fn made_for(ws: &Workspace, effects: &[ModelEffect]) -> Result<bool, PipelineError> {
+    let Some(compared) = ws.usable("compare", WHOLE_STUDY)? else { return Ok(false) };
+    if compared_effects(&compared).is_none_or(|e| e != effects) {
+        return Ok(false);
+    }
+    for (input, hash) in &compared.inputs {
+        if let Some((stage, trial)) = input.split_once('/')
+            && ws.manifest(stage, trial)?.is_none_or(|m| m.output != *hash)
+        {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 fn acts_in(session: &SubjectSession, effect: &ModelEffect) -> ActsIn {
@@ -403,11 +413,11 @@ fn joints_changed(revisions: &[Revision], i: usize) -> Vec<HistoryJoint> {
 
 /// What the present results reached.
 pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reached, PipelineError> {
-    let session = &aloft_pipeline::made::as_made(session);
+    let session = &aloft_pipeline::made::as_made(session)?;
     let c = &view.comparison;
     let ws = Workspace::open(&session.workspace);
     let place = ws.place("identify", WHOLE_STUDY).join(parameters_file(session.config.regressor.rows));
-    let parameters: Option<Parameters> = if place.is_file() { Some(read_json(&place)?) } else { None };
+    let parameters: Option<Parameters> = read_json_if_there(&place)?;
     let rms: Vec<f64> = view.kinematics.iter().filter_map(|k| k.marker_rms_mm).collect();
     let of = |place: &str| {
         c.against_floor.iter().find(|a| a.judged_on == place).map(|a| Judged {
@@ -422,7 +432,7 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
     };
     // laws of joints stand beside the parameters of the body, in the fit of the torques
     let fit = ws.place("identify", WHOLE_STUDY).join("joints.json");
-    let laws = if fit.is_file() { read_json::<JointFit>(&fit)?.laws } else { Vec::new() };
+    let laws = read_json_if_there::<JointFit>(&fit)?.map_or(Vec::new(), |fit| fit.laws);
     let half = |ci: [f64; 2]| 0.5 * (ci[1] - ci[0]);
     let laws = laws.into_iter().map(|l| ReachedCoefficient {
         name: l.name,
@@ -438,8 +448,8 @@ pub fn reached(session: &SubjectSession, view: &ComparisonView) -> Result<Reache
     let mut trials: Vec<String> = c.first.trials.iter().map(|t| t.trial.clone()).collect();
     trials.sort();
     Ok(Reached {
-        from: ws.manifest("compare", WHOLE_STUDY).map(|m| m.output).unwrap_or_default(),
-        made_with: made_with(session, &ws),
+        from: ws.output("compare", WHOLE_STUDY)?,
+        made_with: made_with(session, &ws)?,
         flight: of("flight"),
         contact: of("contact"),
         sigma_ratio: view.parameters.sigma_ratio,

@@ -4,6 +4,7 @@ use crate::held_out::HeldOutError;
 use aloft_pipeline::graph::results_hash;
 use aloft_pipeline::stages::below_weak_rows;
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::from_value;
 use aloft_workspace::workspace::Workspace;
 use serde::de::DeserializeOwned;
@@ -49,7 +50,10 @@ impl<T: DeserializeOwned> TryFrom<serde_json::Value> for Kept<T> {
 
 /// Hash of the results that a ranking reads: those from which the weak rows of every trial are
 /// made. The effects of the model are not part of it.
-pub fn looked_at(session: &SubjectSession) -> String {
+///
+/// # Errors
+/// A manifest is there and cannot be read.
+pub fn looked_at(session: &SubjectSession) -> Result<String, PipelineError> {
     let read = session.included().filter(|t| t.role.is_dynamic()).flat_map(|t| below_weak_rows(t, session));
-    results_hash(&Workspace::open(&session.workspace), read).to_hex().to_string()
+    Ok(results_hash(&Workspace::open(&session.workspace), read)?.to_hex().to_string())
 }

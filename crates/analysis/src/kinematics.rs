@@ -5,7 +5,7 @@ use aloft_pipeline::stages::flight::gravity_error_percent;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::json::read_json_if_there;
-use aloft_workspace::manifest::Outcome;
+use aloft_workspace::manifest::{Manifest, Outcome};
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
 
@@ -34,7 +34,7 @@ pub fn kinematics(session: &SubjectSession, ws: &Workspace) -> Result<Vec<Kinema
         .included()
         .filter(|t| t.role.is_dynamic())
         .map(|t| {
-            let failed = failed_stage(ws, &t.name).map(|(stage, _)| stage);
+            let failed = failed_stage(ws, &t.name)?.map(|(stage, _)| stage);
             // what later stages left is of an earlier recording or setting
             let valid = |stage: &str| {
                 let at = |name: &str| STAGES.iter().position(|s| s.name == name);
@@ -42,7 +42,7 @@ pub fn kinematics(session: &SubjectSession, ws: &Workspace) -> Result<Vec<Kinema
             };
             let flights: Option<aloft_flight::FlightReport> =
                 read_json_if_there(&ws.place("flight", &t.name).join("flights.json"))?.filter(|_| valid("flight"));
-            let ik = ws.manifest("ik", &t.name).filter(|_| valid("ik"));
+            let ik = ws.manifest("ik", &t.name)?.filter(|_| valid("ik"));
             let gravity_error_percent =
                 flights.as_ref().and_then(|r| gravity_error_percent(r, session.facts.gravity_mps2));
             Ok(KinematicsRow {
@@ -58,9 +58,14 @@ pub fn kinematics(session: &SubjectSession, ws: &Workspace) -> Result<Vec<Kinema
 
 /// The first stage of a trial that failed. Results of later stages, if there are any, are of an
 /// earlier run and no longer valid.
-pub fn failed_stage(ws: &Workspace, trial: &str) -> Option<(&'static str, StageFailure)> {
-    STAGES.iter().find_map(|s| match ws.manifest(s.name, trial)?.outcome {
-        Outcome::Failed(f) => Some((s.name, f)),
-        Outcome::Ok => None,
-    })
+///
+/// # Errors
+/// A manifest is there and cannot be read.
+pub fn failed_stage(ws: &Workspace, trial: &str) -> Result<Option<(&'static str, StageFailure)>, PipelineError> {
+    for s in STAGES {
+        if let Some(Manifest { outcome: Outcome::Failed(f), .. }) = ws.manifest(s.name, trial)? {
+            return Ok(Some((s.name, f)));
+        }
+    }
+    Ok(None)
 }

@@ -1,7 +1,7 @@
 //! The methods paragraph: describes the processing with the figures of this study, ready to paste
 //! into a paper.
 
-use crate::compare::compare;
+use crate::compare::compare_if_made;
 use crate::history::history;
 use crate::parameters::parameters_if_made;
 use crate::wording::unit;
@@ -11,7 +11,7 @@ use aloft_pipeline::stages::filter::low_pass;
 use aloft_signal::mean_and_deviation;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use std::collections::BTreeSet;
@@ -37,14 +37,14 @@ pub fn paragraph(session: &SubjectSession, ws: &Workspace, subject: &Subject) ->
     let mut t = match (&session.robot, &session.osim) {
         (Some(robot), _) => robot.kinematics_in_words() + &filtering(session, ""),
         (None, Some(osim)) => {
-            recordings(session, ws, subject) + " " + osim.kinematics_in_words().trim_end() + &filtering(session, "")
+            recordings(session, ws, subject)? + " " + osim.kinematics_in_words().trim_end() + &filtering(session, "")
         }
-        (None, None) => recordings(session, ws, subject) + &kinematics(session, ws, subject)?,
+        (None, None) => recordings(session, ws, subject)? + &kinematics(session, ws, subject)?,
     };
     t.push_str(&crate::methods_measured::corrected(session));
     t.push_str(&crate::methods_measured::tared(session, ws)?);
-    t.push_str(&identification(session, ws)?);
-    for difference in aloft_pipeline::made::differences(session, ws) {
+    t.push_str(&identification(session)?);
+    for difference in aloft_pipeline::made::differences(session, ws)? {
         t.push_str(&format!(" {difference}."));
     }
     Ok(t)
@@ -59,11 +59,11 @@ fn filtering(session: &SubjectSession, more: &str) -> String {
     )
 }
 
-fn recordings(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> String {
+fn recordings(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> Result<String, PipelineError> {
     let (mut rates, mut plates, mut frames) = (BTreeSet::new(), 0, 0);
     let mut trials = 0;
     for trial in session.included().filter(|t| t.role.is_dynamic()) {
-        let Some(m) = ws.manifest("import", &trial.name).filter(|m| m.is_ok()) else { continue };
+        let Some(m) = ws.usable("import", &trial.name)? else { continue };
         trials += 1;
         let number = |key: &str| m.summary.get(key).and_then(serde_json::Value::as_f64);
         rates.extend(number("rate_hz").map(|r| format!("{r}")));
@@ -75,14 +75,14 @@ fn recordings(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> St
         1 => "one force plate".to_owned(),
         n => format!("{n} force plates"),
     };
-    format!(
+    Ok(format!(
         "{trials} dynamic trials ({frames} frames at {} Hz) of {} markers were recorded with {with}. Marker trajectories were brought to SI units and one world frame \
          with Z up; gaps of up to {} s were filled by cubic curves and of up to {} s from the other markers of the segment.",
         listed(&rates),
         subject.markers.len(),
         session.config.import.fill_gaps_s,
         session.config.import.rigid_fill_s
-    )
+    ))
 }
 
 fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> Result<String, PipelineError> {
@@ -101,7 +101,7 @@ fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> Re
             session.anthropometry.title
         )
     };
-    let calibrated = ws.manifest("calibrate", WHOLE_STUDY);
+    let calibrated = ws.manifest("calibrate", WHOLE_STUDY)?;
     let figure = |key: &str| calibrated.as_ref().and_then(|m| m.summary.get(key)).cloned();
     if figure("used").is_some_and(|v| v == true) {
         t.push_str(
@@ -116,12 +116,11 @@ fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> Re
     }
     let (mut rms, mut durations, mut rates) = (Vec::new(), Vec::new(), BTreeSet::new());
     for trial in session.included().filter(|t| t.role.is_dynamic()) {
-        if let Some(value) = ws.manifest("ik", &trial.name).and_then(|m| m.summary.get("marker_rms_mm")?.as_f64()) {
+        if let Some(value) = ws.manifest("ik", &trial.name)?.and_then(|m| m.summary.get("marker_rms_mm")?.as_f64()) {
             rms.push(value);
         }
         let path = ws.place("flight", &trial.name).join("flights.json");
-        if path.is_file() {
-            let report: FlightReport = read_json(&path)?;
+        if let Some(report) = read_json_if_there::<FlightReport>(&path)? {
             durations.extend(report.flights.iter().map(|f| f.duration_s(report.rate_hz)));
             rates.insert((report.rate_hz * 1e3).round() as u64);
         }
@@ -137,10 +136,11 @@ fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> Re
     let facts =
         facts.map(|f| format!("; effective order {}, −3 dB at {:.2} Hz", f.effective_order, f.true_minus3db_hz));
     t.push_str(&filtering(session, &facts.unwrap_or_default()));
-    let has_plates = session.included().any(|t| {
-        let imported = ws.manifest("import", &t.name);
-        imported.and_then(|m| m.summary.get("plates")?.as_u64()).is_some_and(|n| n > 0)
-    });
+    let mut has_plates = false;
+    for t in session.included() {
+        let imported = ws.manifest("import", &t.name)?;
+        has_plates |= imported.and_then(|m| m.summary.get("plates")?.as_u64()).is_some_and(|n| n > 0);
+    }
     if has_plates {
         t.push_str(" Plate forces went through the same filter.");
     }
@@ -156,7 +156,7 @@ fn kinematics(session: &SubjectSession, ws: &Workspace, subject: &Subject) -> Re
     Ok(t)
 }
 
-fn identification(session: &SubjectSession, ws: &Workspace) -> Result<String, PipelineError> {
+fn identification(session: &SubjectSession) -> Result<String, PipelineError> {
     let mut t = String::new();
     if let Some(found) = parameters_if_made(session)? {
         let p = &found.parameters;
@@ -175,8 +175,7 @@ fn identification(session: &SubjectSession, ws: &Workspace) -> Result<String, Pi
             t.push_str(&effects(session)?);
         }
     }
-    if ws.place("compare", WHOLE_STUDY).join("comparison.json").is_file() {
-        let view = compare(session)?;
+    if let Some(view) = compare_if_made(session)? {
         for e in view.errors {
             let mut parts = Vec::new();
             let figure = |x: f64| aloft_compare::significant(x, 3);

@@ -5,7 +5,7 @@ use aloft_compare::{Comparison, RecordingOffset, TrialComparison, significant};
 use aloft_flight::{FlightReport, PlateTare, TareSource};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::workspace::Workspace;
 
 /// Most recordings that are named one by one.
@@ -53,8 +53,7 @@ pub(crate) fn tared(session: &SubjectSession, ws: &Workspace) -> Result<String, 
     let mut all: Vec<(String, PlateTare)> = Vec::new();
     for trial in session.included().filter(|t| t.role.is_dynamic()) {
         let path = ws.place("flight", &trial.name).join("flights.json");
-        if path.is_file() {
-            let report: FlightReport = read_json(&path)?;
+        if let Some(report) = read_json_if_there::<FlightReport>(&path)? {
             all.extend(report.tare.into_iter().map(|tare| (trial.name.clone(), tare)));
         }
     }

@@ -156,7 +156,7 @@ pub fn rivals(session: &SubjectSession, answer: Option<&Discovery>) -> Result<Ve
     if answer.is_none_or(|d| d.verdict != Verdict::OneOf) {
         return Ok(Vec::new());
     }
-    let made = as_made(session);
+    let made = as_made(session)?;
     let checked = session_check(&made)?;
     Ok(rivals_of(&made, answer, &checked, &offers(&made, &checked)?))
 }

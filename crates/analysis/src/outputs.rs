@@ -55,11 +55,11 @@ pub enum Look {
 
 /// Hash of the results of some subjects and sessions, as far as tables of them can tell: outcome,
 /// warnings and figures of every task, and which recordings there are. Times are no part of it.
-fn of_results(sessions: &[&SubjectSession]) -> blake3::Hasher {
+fn of_results(sessions: &[&SubjectSession]) -> Result<blake3::Hasher, PipelineError> {
     let mut hasher = blake3::Hasher::new();
     for session in sessions {
         let ws = Workspace::open(&session.workspace);
-        let manifests = Manifests::read(session, &ws, STAGES);
+        let manifests = Manifests::read(session, &ws, STAGES)?;
         hasher.update(format!("{:?}\n", session.id).as_bytes());
         for t in &session.trials {
             hasher.update(format!("{} {:?} {:?}\n", t.name, t.role, t.excluded).as_bytes());
@@ -70,7 +70,7 @@ fn of_results(sessions: &[&SubjectSession]) -> blake3::Hasher {
             hasher.update(format!("{stage} {name} {known:?}\n").as_bytes());
         }
     }
-    hasher
+    Ok(hasher)
 }
 
 /// Files beside the results that a report shows.
@@ -78,7 +78,7 @@ const SHOWN: [&str; 4] = ["model.json", "discovery.json", "assessment.json", cra
 
 /// What a file is made from, as one hash.
 fn from(name: &str, sessions: &[&SubjectSession]) -> Result<String, PipelineError> {
-    let mut hasher = of_results(sessions);
+    let mut hasher = of_results(sessions)?;
     if name == REPORT {
         for path in sessions.iter().flat_map(|s| SHOWN.map(|name| s.workspace.join(name))) {
             if disk::is_there(&path)? {
@@ -119,9 +119,7 @@ impl Recording<'_> {
     /// A file cannot be read; the list cannot be written.
     pub fn done(self) -> Result<(), PipelineError> {
         let path = self.folder.join(LIST);
-        // a damaged list is made again
-        // none: a damaged list is made again
-        let mut list: List = seal::read_if_there(&path).ok().flatten().unwrap_or_default();
+        let mut list: List = seal::read_if_whole(&path)?.unwrap_or_default();
         for (name, from) in self.names.iter().zip(self.from) {
             let bytes = disk::read(&self.folder.join(name))?;
             let blake3 = blake3::hash(&bytes).to_hex().to_string();
@@ -146,8 +144,7 @@ pub fn not_current(folder: &Path, sessions: &[&SubjectSession], look: Look) -> R
         return Ok(Vec::new());
     }
     // without the list, or with a damaged one, nothing is known of the files
-    // none: files of which nothing is known are stale
-    let list: List = seal::read_if_there(&folder.join(LIST)).ok().flatten().unwrap_or_default();
+    let list: List = seal::read_if_whole(&folder.join(LIST))?.unwrap_or_default();
     let mut out = Vec::new();
     for (name, command) in there {
         let again = format!("`aloft {command}` writes it again");

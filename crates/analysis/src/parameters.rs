@@ -11,7 +11,7 @@ use aloft_study::config::Rows;
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::disk::is_there;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use serde::Serialize;
@@ -41,30 +41,29 @@ pub const READS: [&str; 2] = ["identify", "calibrate"];
 /// # Errors
 /// They are there and cannot be read.
 pub fn parameters_if_made(session: &SubjectSession) -> Result<Option<ParametersView>, PipelineError> {
-    let rows = aloft_pipeline::made::as_made(session).config.regressor.rows;
+    let rows = aloft_pipeline::made::as_made(session)?.config.regressor.rows;
     let place = Workspace::open(&session.workspace).place("identify", WHOLE_STUDY);
     if is_there(&place.join(parameters_file(rows)))? { parameters(session, Some(rows)).map(Some) } else { Ok(None) }
 }
 
 /// Reads the results of `identify`.
 pub fn parameters(session: &SubjectSession, rows: Option<Rows>) -> Result<ParametersView, PipelineError> {
-    let session = &aloft_pipeline::made::as_made(session);
+    let session = &aloft_pipeline::made::as_made(session)?;
     let rows = rows.unwrap_or(session.config.regressor.rows);
     let ws = Workspace::open(&session.workspace);
     let path = ws.place("identify", WHOLE_STUDY).join(parameters_file(rows));
-    if !path.is_file() && path.with_file_name(NOTHING_IDENTIFIED).is_file() {
-        return Err(PipelineError::request_hint(
-            nothing_identified(&ws),
-            format!("`{}` compares the body from tables with the plates", command(session, "compare", None)),
-        ));
-    }
-    if !path.is_file() {
+    let Some(parameters) = read_json_if_there::<Parameters>(&path)? else {
+        if is_there(&path.with_file_name(NOTHING_IDENTIFIED))? {
+            return Err(PipelineError::request_hint(
+                nothing_identified(&ws)?,
+                format!("`{}` compares the body from tables with the plates", command(session, "compare", None)),
+            ));
+        }
         return Err(PipelineError::request_hint(
             format!("nothing was identified from {} rows in {}", rows.word(), session.workspace.display()),
             format!("run `{}` first", command(session, "run", None)),
         ));
-    }
-    let parameters: Parameters = read_json(&path)?;
+    };
     Ok(ParametersView {
         version: 1,
         subject: session.facts.person.name.clone(),

@@ -3,6 +3,7 @@
 use aloft_pipeline::recording::abridged;
 use aloft_study::subject_session::SubjectSession;
 use aloft_trial::person_key;
+use aloft_workspace::error::PipelineError;
 use aloft_workspace::workspace::Workspace;
 use std::collections::BTreeMap;
 
@@ -16,25 +17,31 @@ pub struct NamedPerson {
 }
 
 /// The persons named in the imported recordings of a session (SUBJECTS:NAMES of C3D files).
-pub fn persons(session: &SubjectSession) -> Vec<NamedPerson> {
+///
+/// # Errors
+/// A manifest is there and cannot be read.
+pub fn persons(session: &SubjectSession) -> Result<Vec<NamedPerson>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let mut named: BTreeMap<String, NamedPerson> = BTreeMap::new();
     for trial in session.included() {
-        let manifest = ws.manifest("import", &trial.name).filter(|m| m.is_ok());
+        let manifest = ws.usable("import", &trial.name)?;
         let Some(name) = manifest.as_ref().and_then(|m| m.summary.get("person")?.as_str()) else { continue };
         let of = || NamedPerson { name: name.to_owned(), trials: Vec::new() };
         named.entry(person_key(name)).or_insert_with(of).trials.push(trial.name.clone());
     }
-    named.into_values().collect()
+    Ok(named.into_values().collect())
 }
 
 /// Whose markers were used in recordings that hold several people, in words; none without such
 /// recordings.
-pub fn chosen_person(session: &SubjectSession) -> Option<String> {
+///
+/// # Errors
+/// A manifest is there and cannot be read.
+pub fn chosen_person(session: &SubjectSession) -> Result<Option<String>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let mut chosen: BTreeMap<(String, Vec<String>), usize> = BTreeMap::new();
     for trial in session.included() {
-        let Some(manifest) = ws.manifest("import", &trial.name).filter(|m| m.is_ok()) else { continue };
+        let Some(manifest) = ws.usable("import", &trial.name)? else { continue };
         let word = |v: &serde_json::Value| v.as_str().map(str::to_owned);
         let Some(person) = manifest.summary.get("person").and_then(word) else { continue };
         let Some(people) = manifest.summary.get("people").and_then(|p| p.as_array()) else { continue };
@@ -49,7 +56,7 @@ pub fn chosen_person(session: &SubjectSession) -> Option<String> {
             format!("the markers of `{person}` were used, in {count}{of} {}", abridged(others))
         })
         .collect();
-    (!each.is_empty()).then(|| each.join("; "))
+    Ok((!each.is_empty()).then(|| each.join("; ")))
 }
 
 /// What to say where the recordings name several persons; none for one or none.

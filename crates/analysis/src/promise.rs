@@ -12,14 +12,14 @@ use aloft_identify::{EffectEstimate, Parameters};
 use aloft_pipeline::progress::{Progress, Silent};
 use aloft_pipeline::ready_made::{self, FORECAST};
 use aloft_pipeline::results::parameters_file;
-use aloft_pipeline::runner::{TaskReport, run_held};
+use aloft_pipeline::runner::run_held;
 use aloft_study::effects::OwnEffect;
 use aloft_study::revision::{ModelEffect, ReachedCoefficient};
 use aloft_study::settings::{ADJUSTABLE, Adjustable, number_at, with_numbers};
 use aloft_study::subject_session::SubjectSession;
 use aloft_workspace::disk;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::unfinished::Unfinished;
 use aloft_workspace::workspace::Workspace;
@@ -67,7 +67,7 @@ pub(crate) fn promised(
     on_a_copy(SubjectSession { effects, own_effects, ..with }, &Silent, Keep::Forecast, |done| {
         let place = Workspace::open(&done.workspace).place("identify", WHOLE_STUDY);
         let file = place.join(parameters_file(done.config.regressor.rows));
-        let coefficients = if file.is_file() { read_json::<Parameters>(&file)?.effects } else { Vec::new() };
+        let coefficients = read_json_if_there::<Parameters>(&file)?.map_or(Vec::new(), |p| p.effects);
         Ok(Some(Promised { errors: compare(done)?.errors, coefficients }))
     })
 }
@@ -213,9 +213,12 @@ pub(crate) fn on_a_copy<T>(
     let report = run_held(&with, &lock, progress)?;
     // a stage that failed has left the results of the model before; a trial that failed here and
     // not in the workspace would be left out of the numbers
-    let new = |t: &&TaskReport| original.manifest(t.stage, &t.trial).is_some_and(|m| m.is_ok());
-    let failed: Vec<String> = report.failures().filter(|(t, _)| new(t)).map(|(_, f)| f.problem.clone()).collect();
-    original.all_read()?;
+    let mut failed = Vec::new();
+    for (task, failure) in report.failures() {
+        if original.usable(task.stage, &task.trial)?.is_some() {
+            failed.push(failure.problem.clone());
+        }
+    }
     let after = freshness(&with)?;
     if failed.is_empty() {
         after.refuse_damaged(&with, &[])?;

@@ -43,16 +43,15 @@ pub enum Samples {
 /// A recording was imported and its result cannot be read.
 pub fn repeated(session: &SubjectSession) -> Result<Vec<Repeated>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
-    let sketches: Vec<(&str, [Vec<u64>; 2])> = session
-        .included()
-        .filter(|t| t.role.is_dynamic() && ws.manifest("import", &t.name).is_some_and(|m| m.is_ok()))
-        .filter_map(|t| {
-            // logs of robots have no such record
-            let record = read_json_if_there(&ws.place("import", &t.name).join("quality.json")).transpose()?;
-            Some(record.map(|r: ImportRecord| (t.name.as_str(), [r.samples, r.plate_samples])))
-        })
-        .collect::<Result<_, PipelineError>>()?;
-    ws.all_read()?;
+    let mut sketches: Vec<(&str, [Vec<u64>; 2])> = Vec::new();
+    for t in session.included().filter(|t| t.role.is_dynamic()) {
+        // logs of robots have no such record
+        if ws.usable("import", &t.name)?.is_some()
+            && let Some(r) = read_json_if_there::<ImportRecord>(&ws.place("import", &t.name).join("quality.json"))?
+        {
+            sketches.push((t.name.as_str(), [r.samples, r.plate_samples]));
+        }
+    }
     let mut out = Vec::new();
     for (i, (second, b)) in sketches.iter().enumerate() {
         let shared = |(first, a): &(&str, [Vec<u64>; 2])| {

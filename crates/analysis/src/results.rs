@@ -43,7 +43,7 @@ impl Made<'_> {
 }
 
 fn refuse_damaged(ws: &Workspace, stage: &str, trial: &str) -> Result<(), PipelineError> {
-    let problem = ws.damage(stage, trial).into_iter().next();
+    let problem = ws.damage(stage, trial)?.into_iter().next();
     problem.map_or(Ok(()), |problem| Err(PipelineError::Damaged { path: ws.place(stage, trial), problem }))
 }
 
@@ -52,19 +52,17 @@ pub(crate) fn with_results<T>(
     session: &SubjectSession,
     work: impl FnOnce(&Made<'_>) -> Result<T, StageFailure>,
 ) -> Result<T, PipelineError> {
-    let session = &as_made(session);
+    let session = &as_made(session)?;
     let ws = Workspace::open(&session.workspace);
     for stage in STAGES {
         for trial in stage.tasks(session) {
             refuse_damaged(&ws, stage.name, trial.map_or(WHOLE_STUDY, |t| t.name.as_str()))?;
         }
     }
-    let trials: Vec<(String, Role)> = session
-        .included()
-        .filter(|t| t.role.is_dynamic() && ws.manifest("regressor", &t.name).is_some_and(|m| m.is_ok()))
-        .map(|t| (t.name.clone(), t.role))
-        .collect();
-    ws.all_read()?;
+    let mut trials: Vec<(String, Role)> = Vec::new();
+    for t in session.included().filter(|t| t.role.is_dynamic()) {
+        trials.extend(ws.usable("regressor", &t.name)?.map(|_| (t.name.clone(), t.role)));
+    }
     if trials.is_empty() {
         return Err(PipelineError::request_hint(
             format!("no trial in {} has rows", session.workspace.display()),

@@ -76,7 +76,7 @@ impl Source<'_> {
 pub fn session_check(session: &SubjectSession) -> Result<SessionCheck, PipelineError> {
     let source = Source { session, ws: Workspace::open(&session.workspace) };
     let mut lines = Vec::new();
-    lines.extend(persons_line(session));
+    lines.extend(persons_line(session)?);
     lines.extend(repeated_line(session)?);
     timing(&source, &mut lines)?;
     weights(&source, &mut lines)?;
@@ -87,9 +87,9 @@ pub fn session_check(session: &SubjectSession) -> Result<SessionCheck, PipelineE
     Ok(SessionCheck { lines })
 }
 
-fn persons_line(session: &SubjectSession) -> Option<SessionLine> {
-    let persons = persons(session);
-    Some(SessionLine {
+fn persons_line(session: &SubjectSession) -> Result<Option<SessionLine>, PipelineError> {
+    let persons = persons(session)?;
+    Ok(several_persons(&persons).map(|words| SessionLine {
         id: "persons",
         what: "persons named in the files".to_owned(),
         value: persons.len() as f64,
@@ -98,8 +98,8 @@ fn persons_line(session: &SubjectSession) -> Option<SessionLine> {
         expected: Some(1.0),
         n: persons.iter().map(|p| p.trials.len()).sum(),
         status: LineStatus::Differs,
-        words: several_persons(&persons)?,
-    })
+        words,
+    }))
 }
 
 fn repeated_line(session: &SubjectSession) -> Result<Option<SessionLine>, PipelineError> {

@@ -16,7 +16,7 @@ use aloft_workspace::workspace::Workspace;
 /// A result or a file cannot be looked at.
 pub fn status(session: &SubjectSession) -> Result<Status, PipelineError> {
     let ws = Workspace::open(&session.workspace);
-    let manifests = Manifests::read_and_examine(session, &ws, STAGES);
+    let manifests = Manifests::read_and_examine(session, &ws, STAGES)?;
     Ok(Status { files: files(session, Look::Quick)?, ..grid(session, &ws, &manifests)? })
 }
 

@@ -66,7 +66,7 @@ fn present_state(
 pub fn grid(session: &SubjectSession, ws: &Workspace, manifests: &Manifests) -> Result<Status, PipelineError> {
     let states = states(session, ws, manifests)?;
     let behind: HashSet<(String, String)> =
-        not_current_of(session, ws, &states).into_iter().map(|n| (n.stage, n.trial)).collect();
+        not_current_of(session, manifests, &states).into_iter().map(|n| (n.stage, n.trial)).collect();
     let word = |stage: &'static str, trial: &str| {
         let key = (stage, trial.to_owned());
         match states.get(&key) {
@@ -94,7 +94,7 @@ pub fn grid(session: &SubjectSession, ws: &Workspace, manifests: &Manifests) -> 
 pub fn explain(session: &SubjectSession, trial: &str, stage: &str) -> Result<Explanation, PipelineError> {
     let stage = STAGES[stage_index(stage)?];
     let ws = Workspace::open(&session.workspace);
-    let manifests = Manifests::read_and_examine(session, &ws, STAGES);
+    let manifests = Manifests::read_and_examine(session, &ws, STAGES)?;
     let task = stage.tasks(session).into_iter().find(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()) == trial);
     let Some(task) = task else {
         let names: Vec<&str> =
@@ -140,10 +140,10 @@ pub fn explain_all(
         ));
     }
     let ws = Workspace::open(&session.workspace);
-    let manifests = Manifests::read_and_examine(session, &ws, STAGES);
+    let manifests = Manifests::read_and_examine(session, &ws, STAGES)?;
     let states = states(session, &ws, &manifests)?;
     let behind: HashSet<(String, String)> =
-        not_current_of(session, &ws, &states).into_iter().map(|n| (n.stage, n.trial)).collect();
+        not_current_of(session, &manifests, &states).into_iter().map(|n| (n.stage, n.trial)).collect();
     let mut all = Vec::new();
     for stage in STAGES {
         for task in stage.tasks(session) {

@@ -190,8 +190,8 @@ pub fn summary(set: &DataSet, words: &str) -> Result<Summary, PipelineError> {
 /// commands.
 pub fn rows_of(session: &SubjectSession, words: &str) -> Result<Vec<SummaryRow>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
-    let manifests = Manifests::read_and_examine(session, &ws, STAGES);
-    let made = aloft_pipeline::made::as_made(session);
+    let manifests = Manifests::read_and_examine(session, &ws, STAGES)?;
+    let made = aloft_pipeline::made::as_made(session)?;
     let grid = super::status::grid(session, &ws, &manifests)?;
     // after a failed session-wide stage, the trials have no results from later stages
     let failed_study = STAGES.iter().filter(|s| s.scope == Scope::Session).find_map(|s| {

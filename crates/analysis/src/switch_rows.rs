@@ -142,7 +142,7 @@ pub(crate) fn rows_of(
         .map(|(name, role)| {
             let own = compared.iter().find(|t| t.trial == *name);
             let folder = made.session.workspace.join(FOLDER).join(name);
-            let made_from = made_from(made, name, *role, own.is_some(), &settings);
+            let made_from = made_from(made, name, *role, own.is_some(), &settings)?;
             let mut formed = match stored_columns::load(&folder, name, &made_from) {
                 Some(stored) => stored,
                 None => {
@@ -183,13 +183,19 @@ const FOLDER: &str = "columns";
 const VERSION: u32 = 4;
 
 /// Hash of everything that the rows of a trial depend on.
-fn made_from(made: &Made<'_>, trial: &str, role: Role, compared: bool, settings: &serde_json::Value) -> String {
+fn made_from(
+    made: &Made<'_>,
+    trial: &str,
+    role: Role,
+    compared: bool,
+    settings: &serde_json::Value,
+) -> Result<String, StageFailure> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(settings.to_string().as_bytes());
     hasher.update(format!("{} {compared}", role.word()).as_bytes());
-    let Some(trial) = made.session.trials.iter().find(|t| t.name == trial) else { return String::new() };
-    hasher.update(results_hash(made.workspace, below_all_rows(trial, made.session)).as_bytes());
-    hasher.finalize().to_hex().to_string()
+    let Some(trial) = made.session.trials.iter().find(|t| t.name == trial) else { return Ok(String::new()) };
+    hasher.update(results_hash(made.workspace, below_all_rows(trial, made.session))?.as_bytes());
+    Ok(hasher.finalize().to_hex().to_string())
 }
 
 #[cfg(test)]

@@ -29,6 +29,7 @@ use aloft_study::config::Rows;
 use aloft_study::effects::{KnownEffects, OwnEffect};
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::disk::{is_there, read};
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
@@ -180,12 +181,13 @@ pub struct Switches {
 pub fn fingerprint(session: &SubjectSession, drafts: &[OwnEffect]) -> Result<String, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let mut hasher = blake3::Hasher::new();
-    let output = |stage: &str| ws.manifest(stage, WHOLE_STUDY).map(|m| m.output).unwrap_or_default();
-    hasher.update(output("compare").as_bytes()).update(output("identify").as_bytes());
+    for stage in ["compare", "identify"] {
+        hasher.update(ws.output(stage, WHOLE_STUDY)?.as_bytes());
+    }
     for file in ["model.json", "discovery.json"] {
         let path = session.workspace.join(file);
-        if path.is_file() {
-            hasher.update(&std::fs::read(&path).map_err(PipelineError::io("read", &path))?);
+        if is_there(&path)? {
+            hasher.update(&read(&path)?);
         }
         hasher.update(&[0]);
     }

@@ -103,7 +103,7 @@ pub(crate) fn of_static(ws: &Workspace) -> Result<Option<ToCorrect>, PipelineErr
 pub(crate) fn static_labels(ws: &Workspace) -> Result<Option<String>, PipelineError> {
     // the report of an object has another form, and an object has no anatomy
     let of_object = |m: Manifest| m.parameters.get("object").is_some_and(|o| !o.is_null());
-    if ws.manifest("scale", WHOLE_STUDY).is_none_or(of_object) {
+    if ws.manifest("scale", WHOLE_STUDY)?.is_none_or(of_object) {
         return Ok(None);
     }
     let report: Option<ScaleReport> = read_json_if_there(&ws.place("scale", WHOLE_STUDY).join("report.json"))?;

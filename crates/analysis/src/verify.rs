@@ -88,11 +88,13 @@ pub fn verify(session: &SubjectSession) -> Result<Verified, PipelineError> {
     for stage in folders {
         found.extend(folders_in(&ws.root().join(stage))?.into_iter().map(|t| (stage, t)));
     }
-    let damage: Vec<Vec<String>> = found.par_iter().map(|(stage, trial)| ws.damage(stage, trial)).collect();
-    for ((stage, trial), problems) in found.iter().zip(damage) {
+    let damage: Result<Vec<Vec<String>>, _> = found.par_iter().map(|(stage, trial)| ws.damage(stage, trial)).collect();
+    let mut manifests = Vec::new();
+    for ((stage, trial), problems) in found.iter().zip(damage?) {
         let place = format!("{stage}/{trial}");
         out.results += 1;
-        if let Some(m) = ws.manifest(stage, trial) {
+        let manifest = ws.manifest(stage, trial)?;
+        if let Some(m) = &manifest {
             out.files += m.files.len() + 1;
             out.bytes += m.files.values().map(|f| f.bytes).sum::<u64>();
         }
@@ -103,6 +105,7 @@ pub fn verify(session: &SubjectSession) -> Result<Verified, PipelineError> {
             let mend = if *stage == "merge" { "`aloft merge`" } else { "`aloft run`" };
             out.damaged.push(Damage { place, problems, mend: mend.to_owned() });
         }
+        manifests.extend(manifest);
     }
     let answers = folders_and_files(&ws.root().join("discoveries"))?
         .into_iter()
@@ -134,8 +137,7 @@ pub fn verify(session: &SubjectSession) -> Result<Verified, PipelineError> {
     // a missing folder cannot be compared with its hash, but later results were made from it
     for one in out.stale.iter().filter(|n| n.state == "missing" && n.stage != "model") {
         let key = format!("{}/{}", one.stage, one.trial);
-        let manifests = found.iter().filter_map(|(s, t)| ws.manifest(s, t));
-        if manifests.into_iter().any(|m: Manifest| m.inputs.contains_key(&key)) {
+        if manifests.iter().any(|m: &Manifest| m.inputs.contains_key(&key)) {
             out.damaged.push(Damage {
                 place: key,
                 problems: vec!["it is missing, and other results were made from it".to_owned()],

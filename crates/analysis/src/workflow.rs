@@ -451,7 +451,7 @@ pub struct Lacking {
 /// first.
 pub fn verdict(session: &SubjectSession) -> Result<Vec<Lacking>, PipelineError> {
     let workspace = Workspace::open(&session.workspace);
-    let manifests = Manifests::read_and_examine(session, &workspace, STAGES);
+    let manifests = Manifests::read_and_examine(session, &workspace, STAGES)?;
     let mut out = Vec::new();
     for stage in STAGES {
         for trial in stage.tasks(session) {

@@ -93,10 +93,10 @@ pub fn show(
         }
     }
     for session in &set.members {
-        if let Some(words) = chosen_person(session) {
+        if let Some(words) = chosen_person(session)? {
             out(labelled("person      ", &words))?;
         }
-        if let Some(words) = several_persons(&persons(session)) {
+        if let Some(words) = several_persons(&persons(session)?) {
             out(labelled("persons     ", &words))?;
         }
         if let Some(words) = repeated_words(&repeated(session)?) {

@@ -72,7 +72,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let truth: Value = serde_json::from_slice(&std::fs::read(Path::new(data).join("truth/truth.json"))?)?;
     let (subject, phi) = with_truth(results.load_subject("calibrate").map_err(|e| e.problem)?, &truth)?;
     let base = BaseParameters::of(&subject.model);
-    let wanted = |name: &str| ws.manifest("regressor", name).is_some_and(|m| m.is_ok());
+    let wanted = |name: &str| ws.usable("regressor", name).is_ok_and(|m| m.is_some());
     let entries: Vec<_> = session.included().filter(|t| t.role.is_dynamic() && wanted(&t.name)).collect();
     let names: Vec<String> = entries.iter().map(|t| t.name.clone()).collect();
     let zeros = aloft_pipeline::plate_zeros::SessionZeros::new(results, &names);

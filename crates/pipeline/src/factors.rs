@@ -4,7 +4,7 @@
 use aloft_regressor::{Columns, Factor, RowKind, Slides, Stretch};
 use aloft_study::config::Rows;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::{read_json, write_json};
+use aloft_workspace::json::{read_json, read_json_if_there, write_json};
 use aloft_workspace::table::Table;
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
@@ -120,11 +120,8 @@ pub fn save_slides(dir: &Path, slides: &[(Stretch, Slides)]) -> Result<(), Pipel
 
 /// Reads the stage's slides for a trial of a person; nothing for objects.
 pub fn load_slides(dir: &Path) -> Result<Vec<(Stretch, Slides)>, PipelineError> {
-    let head = dir.join("slides.json");
-    if !head.is_file() {
-        return Ok(Vec::new());
-    }
-    let heads: Vec<SlidesHead> = read_json(&head)?;
+    let heads: Option<Vec<SlidesHead>> = read_json_if_there(&dir.join("slides.json"))?;
+    let Some(heads) = heads else { return Ok(Vec::new()) };
     let path = dir.join("slides.parquet");
     let values = Table::read(&path)?.into_columns().into_iter().next().map(|c| c.1).unwrap_or_default();
     let mut at = 0;

@@ -88,18 +88,21 @@ impl Need {
 
 /// Hash of the stored results of a list, each by stage and trial (`None`: the whole study); a
 /// result that does not exist counts as empty.
+///
+/// # Errors
+/// A manifest is there and cannot be read.
 pub fn results_hash<'s>(
     workspace: &Workspace,
     results: impl IntoIterator<Item = (&'static str, Option<&'s TrialEntry>)>,
-) -> blake3::Hash {
+) -> Result<blake3::Hash, PipelineError> {
     let named: BTreeSet<(&str, &str)> =
         results.into_iter().map(|(stage, t)| (stage, t.map_or(WHOLE_STUDY, |t| t.name.as_str()))).collect();
     let mut hasher = blake3::Hasher::new();
     for (stage, trial) in named {
-        let output = workspace.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
+        let output = workspace.output(stage, trial)?;
         hasher.update(format!("{stage}/{trial} {output}\n").as_bytes());
     }
-    hasher.finalize()
+    Ok(hasher.finalize())
 }
 
 /// What a stage returns besides its files.
@@ -236,7 +239,8 @@ impl<'a> StageInputs<'a> {
     ) -> Self {
         let ready = &inputs.ready;
         let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-        let sound = workspace.damage(stage.name, name).is_empty();
+        // none: what cannot be read is not reused
+        let sound = workspace.damage(stage.name, name).is_ok_and(|found| found.is_empty());
         Self {
             results: Results::limited(workspace, ready),
             out,
@@ -368,23 +372,23 @@ pub fn inputs(
         copy_of: None,
         blocked_by: Vec::new(),
         damaged: Vec::new(),
-        own_damage: workspace.damage(stage.name, own),
+        own_damage: workspace.damage(stage.name, own)?,
     };
     let upstream = |out: &mut TaskInputs, name: &str, of: &str, required: bool| {
-        if !workspace.damage(name, of).is_empty() {
+        if !workspace.damage(name, of)?.is_empty() {
             out.damaged.push(if of == WHOLE_STUDY { format!("`{name}`") } else { format!("`{name}` for {of}") });
         }
         match (manifests.get(name, of), manifests.trouble(name, of)) {
             (Some(m), None) => {
                 out.hashes.insert(format!("{name}/{of}"), m.output.clone());
                 out.ready.push(name, of);
-                true
+                Ok::<_, PipelineError>(true)
             }
             (_, Some(reason)) if required => {
                 out.blocked_by.push(reason);
-                false
+                Ok(false)
             }
-            _ => false,
+            _ => Ok(false),
         }
     };
     for need in stage.needs {
@@ -411,7 +415,7 @@ pub fn inputs(
                 }
             }
             Need::Times => {
-                let times = manifests.times(session, workspace);
+                let times = manifests.times(session, workspace)?;
                 out.damaged.extend(times.damaged.iter().map(|t| format!("`{DATED}` for {t}")));
                 if let Some((own, key)) = trial.and_then(|t| times.of_trial(&t.name)) {
                     out.hashes.insert(TIME.to_owned(), key);
@@ -420,13 +424,13 @@ pub fn inputs(
             }
             Need::Same(_) | Need::Once(_) => {
                 for (name, of) in need.results(trial, session) {
-                    upstream(&mut out, name, of.map_or(WHOLE_STUDY, |t| &t.name), true);
+                    upstream(&mut out, name, of.map_or(WHOLE_STUDY, |t| &t.name), true)?;
                 }
             }
             Need::Every(..) | Need::Merged(..) | Need::EveryOrStaticFrames(..) => {
                 for (name, of) in need.results(trial, session) {
                     if let Some(t) = of
-                        && upstream(&mut out, name, &t.name, false)
+                        && upstream(&mut out, name, &t.name, false)?
                     {
                         out.hashes.insert(format!("{ROLE}{}", t.name), t.role.word().to_owned());
                     }

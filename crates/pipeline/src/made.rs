@@ -7,6 +7,7 @@ use aloft_study::config::{CorrectionsConfig, PipelineConfig};
 use aloft_study::facts::Facts;
 use aloft_study::revision::ModelEffect;
 use aloft_study::subject_session::SubjectSession;
+use aloft_workspace::error::PipelineError;
 use aloft_workspace::manifest::{Manifest, TIME, WHOLE_STUDY};
 use aloft_workspace::workspace::Workspace;
 use serde::de::DeserializeOwned;
@@ -14,10 +15,10 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// Existing, successful results of a stage, by trial.
-fn made(session: &SubjectSession, ws: &Workspace, stage: &str) -> Vec<(String, Manifest)> {
-    let Some(stage) = STAGES.iter().find(|s| s.name == stage) else { return Vec::new() };
-    let names = stage.tasks(session).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
-    names.filter_map(|n| Some((n.to_owned(), ws.manifest(stage.name, n).filter(Manifest::is_ok)?))).collect()
+fn made(session: &SubjectSession, ws: &Workspace, stage: &str) -> Result<Vec<(String, Manifest)>, PipelineError> {
+    let tasks = STAGES.iter().find(|s| s.name == stage).map_or(Vec::new(), |s| s.tasks(session));
+    let names = tasks.into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
+    names.filter_map(|n| ws.usable(stage, n).map(|m| Some((n.to_owned(), m?))).transpose()).collect()
 }
 
 /// The value under a key of a stage's parameters with which most of its results were made.
@@ -47,16 +48,19 @@ fn put<T>(place: &mut T, found: Option<T>) {
 
 /// The study with the settings that its results were made with, where these differ from the present
 /// pipeline. Recordings, names and paths are the present ones.
-pub fn as_made(session: &SubjectSession) -> SubjectSession {
+///
+/// # Errors
+/// A manifest is there and cannot be read.
+pub fn as_made(session: &SubjectSession) -> Result<SubjectSession, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let of = |stage: &str| made(session, &ws, stage);
     let mut out = session.clone();
     let config: &mut PipelineConfig = &mut out.config;
-    let import = of("import");
+    let import = of("import")?;
     put(&mut config.import, most(&import, "import"));
     put(&mut out.marker_set, most(&import, "marker_set"));
     let corrected: Option<aloft_trial::Corrections> = most(&import, "corrections");
-    let scale = of("scale");
+    let scale = of("scale")?;
     put(&mut config.scale, most(&scale, "scale"));
     put(&mut config.trials.static_frames, most(&scale, "static_frames"));
     put(&mut out.model, most(&scale, "model"));
@@ -72,31 +76,30 @@ pub fn as_made(session: &SubjectSession) -> SubjectSession {
         let mass_kg = out.facts.stated_mass_kg.map(|_| out.facts.person.mass_kg);
         config.corrections = CorrectionsConfig::made(corrected.as_ref(), mass_kg);
     }
-    put(&mut config.calibrate, most(&of("calibrate"), "calibrate"));
-    put(&mut config.ik, most(&of("ik"), "ik"));
-    put(&mut config.filter, most(&of("filter"), "filter"));
-    put(&mut config.flight, most(&of("flight"), "flight"));
-    let regressor = of("regressor");
-    put(&mut config.flight.margin_s, most(&of("acceleration"), "margin_s"));
+    put(&mut config.calibrate, most(&of("calibrate")?, "calibrate"));
+    put(&mut config.ik, most(&of("ik")?, "ik"));
+    put(&mut config.filter, most(&of("filter")?, "filter"));
+    put(&mut config.flight, most(&of("flight")?, "flight"));
+    let regressor = of("regressor")?;
+    put(&mut config.flight.margin_s, most(&of("acceleration")?, "margin_s"));
     put(&mut config.regressor.window_s, most(&regressor, "window_s"));
     put(&mut config.regressor.weighting, most(&regressor, "weighting"));
     put(&mut config.regressor.slow_noise, most(&regressor, "slow_noise"));
     if let Some(effects) = most(&regressor, "effects") {
         put(&mut out.effects, effects_of(&effects));
     }
-    let identify = of("identify");
+    let identify = of("identify")?;
     put(&mut config.identify, most(&identify, "identify"));
     put(&mut config.regressor.rows, most(&identify, "rows"));
-    put(&mut config.compare, most(&of("compare"), "compare"));
+    put(&mut config.compare, most(&of("compare")?, "compare"));
     for trial in &mut out.trials {
         let Some(own) = &mut trial.settings else { continue };
-        let of = |stage: &str| ws.manifest(stage, &trial.name).filter(Manifest::is_ok);
-        let value = |stage: &str| of(stage)?.parameters.get(stage).cloned();
-        put(&mut own.import, value("import").and_then(|v| read(&v)));
-        put(&mut own.ik, value("ik").and_then(|v| read(&v)));
-        put(&mut own.flight, value("flight").and_then(|v| read(&v)));
+        let of = |stage: &str| ws.usable(stage, &trial.name);
+        put(&mut own.import, of("import")?.and_then(|m| read(m.parameters.get("import")?)));
+        put(&mut own.ik, of("ik")?.and_then(|m| read(m.parameters.get("ik")?)));
+        put(&mut own.flight, of("flight")?.and_then(|m| read(m.parameters.get("flight")?)));
     }
-    out
+    Ok(out)
 }
 
 /// Effects of a model as stored in a manifest; none if they cannot be read.
@@ -104,18 +107,20 @@ fn effects_of(parameters: &Value) -> Option<Vec<ModelEffect>> {
     parameters.get("model").map_or(Some(Vec::new()), read)
 }
 
-/// Effects with which the comparison's parameters were identified; none if nothing was compared.
-pub fn compared_effects(ws: &Workspace) -> Option<Vec<ModelEffect>> {
-    let m = ws.manifest("compare", WHOLE_STUDY).filter(Manifest::is_ok)?;
-    effects_of(m.parameters.get("effects")?)
+/// Effects with which a comparison's parameters were identified; none if they cannot be read.
+pub fn compared_effects(compared: &Manifest) -> Option<Vec<ModelEffect>> {
+    effects_of(compared.parameters.get("effects")?)
 }
 
 /// Hash of the settings and recordings from which all results were made, without the effects of the
 /// model and the corrections, which are rungs of the ladder.
-pub fn made_with(session: &SubjectSession, ws: &Workspace) -> String {
+///
+/// # Errors
+/// A manifest is there and cannot be read.
+pub fn made_with(session: &SubjectSession, ws: &Workspace) -> Result<String, PipelineError> {
     let mut hasher = blake3::Hasher::new();
     for stage in STAGES {
-        for (name, mut m) in made(session, ws, stage.name) {
+        for (name, mut m) in made(session, ws, stage.name)? {
             if let Some(all) = m.parameters.as_object_mut() {
                 // whether contact is used can follow from the effects; what the pipeline states of
                 // it is among the settings of `identify`
@@ -131,7 +136,7 @@ pub fn made_with(session: &SubjectSession, ws: &Workspace) -> String {
             }
         }
     }
-    hasher.finalize().to_hex().to_string()
+    Ok(hasher.finalize().to_hex().to_string())
 }
 
 /// Puts the stated body mass back where a correction replaced it.
@@ -145,10 +150,13 @@ fn uncorrected_mass(parameters: &mut serde_json::Map<String, Value>) {
 
 /// Settings that differ between the results of different recordings, in words. Causes are
 /// overrides, or recomputing only some of the results.
-pub fn differences(session: &SubjectSession, ws: &Workspace) -> Vec<String> {
+///
+/// # Errors
+/// A manifest is there and cannot be read.
+pub fn differences(session: &SubjectSession, ws: &Workspace) -> Result<Vec<String>, PipelineError> {
     let mut out = Vec::new();
     for stage in STAGES.iter().filter(|s| matches!(s.scope, Scope::Trial(_))) {
-        let all = made(session, ws, stage.name);
+        let all = made(session, ws, stage.name)?;
         let mut leaves: BTreeMap<String, BTreeMap<String, Vec<&str>>> = BTreeMap::new();
         for (name, m) in &all {
             let mut own = Vec::new();
@@ -170,7 +178,7 @@ pub fn differences(session: &SubjectSession, ws: &Workspace) -> Vec<String> {
             out.push(format!("{path} differs between recordings: {}", words.join(", ")));
         }
     }
-    out
+    Ok(out)
 }
 
 fn flatten(path: &str, value: &Value, out: &mut Vec<(String, String)>) {

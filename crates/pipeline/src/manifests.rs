@@ -6,6 +6,7 @@ use crate::stages::STAGES;
 use aloft_study::calendar::Calendar;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_trial::SessionSource;
+use aloft_workspace::error::PipelineError;
 use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
 use aloft_workspace::workspace::Workspace;
 use rayon::prelude::*;
@@ -27,7 +28,7 @@ pub struct Manifests {
 /// Times of a session for the tasks that depend on them.
 #[derive(Debug)]
 pub(crate) struct Times {
-    /// None if they cannot be read.
+    /// None if they are damaged.
     calendar: Option<Calendar>,
     /// Whether the source of the times is part of a result: effects of the model grow over the
     /// session, and a remark says how the times were found.
@@ -37,15 +38,20 @@ pub(crate) struct Times {
 }
 
 impl Times {
-    fn of(session: &SubjectSession, workspace: &Workspace) -> Self {
-        // none: the imports that cannot be read are named as damaged
-        let calendar = Calendar::of(session, workspace).ok();
-        let whole = |t: &&TrialEntry| workspace.damage(DATED, &t.name).is_empty();
-        let mut damaged: Vec<String> = session.included().filter(|t| !whole(t)).map(|t| t.name.clone()).collect();
+    fn of(session: &SubjectSession, workspace: &Workspace) -> Result<Self, PipelineError> {
+        let calendar = match Calendar::of(session, workspace) {
+            Err(e @ PipelineError::Io { .. }) => return Err(e),
+            // none: the imports are named as damaged
+            other => other.ok(),
+        };
+        let mut damaged: Vec<String> = Vec::new();
+        for trial in session.included() {
+            damaged.extend((!workspace.damage(DATED, &trial.name)?.is_empty()).then(|| trial.name.clone()));
+        }
         if calendar.is_none() && damaged.is_empty() {
             damaged.extend(session.included().map(|t| t.name.clone()));
         }
-        Self { calendar, source_matters: session.model_effects().recordings.is_some(), damaged }
+        Ok(Self { calendar, source_matters: session.model_effects().recordings.is_some(), damaged })
     }
 
     /// The calendar of one recording alone, and the text that stands for it among the inputs; none
@@ -62,41 +68,53 @@ impl Times {
 
 impl Manifests {
     /// Reads every manifest that the stages of a study may have written.
-    pub fn read(session: &SubjectSession, workspace: &Workspace, stages: &[&Stage]) -> Self {
+    ///
+    /// # Errors
+    /// One is there and cannot be read.
+    pub fn read(session: &SubjectSession, workspace: &Workspace, stages: &[&Stage]) -> Result<Self, PipelineError> {
         let mut out = Self::default();
         for stage in stages {
             for task in stage.tasks(session) {
-                out.all_of(workspace, stage.name, task.map_or(WHOLE_STUDY, |t| &t.name));
+                out.all_of(workspace, stage.name, task.map_or(WHOLE_STUDY, |t| &t.name))?;
             }
         }
-        out
+        Ok(out)
     }
 
     /// Manifests of the given results.
-    pub fn of(workspace: &Workspace, results: &[(&str, &str)]) -> Self {
+    ///
+    /// # Errors
+    /// One is there and cannot be read.
+    pub fn of(workspace: &Workspace, results: &[(&str, &str)]) -> Result<Self, PipelineError> {
         let mut out = Self::default();
         for (stage, trial) in results {
-            out.all_of(workspace, stage, trial);
+            out.all_of(workspace, stage, trial)?;
         }
-        out
+        Ok(out)
     }
 
-    fn all_of(&mut self, workspace: &Workspace, stage: &str, trial: &str) {
-        if let Some(m) = workspace.manifest(stage, trial) {
+    fn all_of(&mut self, workspace: &Workspace, stage: &str, trial: &str) -> Result<(), PipelineError> {
+        if let Some(m) = workspace.manifest(stage, trial)? {
             self.all.entry(stage.to_owned()).or_default().insert(trial.to_owned(), m);
         }
+        Ok(())
     }
 
     /// Like [`Manifests::read`], but also compares every file of the results with its hash, in
     /// parallel.
-    pub fn read_and_examine(session: &SubjectSession, workspace: &Workspace, stages: &[&Stage]) -> Self {
+    ///
+    /// # Errors
+    /// A file is there and cannot be read.
+    pub fn read_and_examine(
+        session: &SubjectSession,
+        workspace: &Workspace,
+        stages: &[&Stage],
+    ) -> Result<Self, PipelineError> {
         let tasks: Vec<(&str, &str)> = stages
             .iter()
             .flat_map(|s| s.tasks(session).into_iter().map(|t| (s.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str()))))
             .collect();
-        tasks.par_iter().for_each(|(stage, trial)| {
-            workspace.damage(stage, trial);
-        });
+        tasks.par_iter().try_for_each(|(stage, trial)| workspace.damage(stage, trial).map(|_| ()))?;
         Self::read(session, workspace, stages)
     }
 
@@ -131,8 +149,12 @@ impl Manifests {
     }
 
     /// Times of the session's recordings, from their imports.
-    pub(crate) fn times(&self, session: &SubjectSession, workspace: &Workspace) -> &Times {
-        self.times.get_or_init(|| Times::of(session, workspace))
+    pub(crate) fn times(&self, session: &SubjectSession, workspace: &Workspace) -> Result<&Times, PipelineError> {
+        if let Some(times) = self.times.get() {
+            return Ok(times);
+        }
+        let times = Times::of(session, workspace)?;
+        Ok(self.times.get_or_init(|| times))
     }
 
     /// The first moving recording of the session that holds the same bytes as `trial`, if it stands

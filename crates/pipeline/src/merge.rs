@@ -173,8 +173,8 @@ pub fn root(
     if let Some(node) = stored {
         let names = tree.trials.iter().map(String::as_str).chain([WHOLE_STUDY]);
         let results: Vec<(&str, &str)> = names.flat_map(|t| STAGES.iter().map(move |s| (s.name, t))).collect();
-        let manifests = Manifests::of(workspace, &results);
-        if let Some(manifest) = current(&tree, node, workspace, &manifests) {
+        let manifests = Manifests::of(workspace, &results)?;
+        if let Some(manifest) = current(&tree, node, workspace, &manifests)? {
             let stored = load_factors(&workspace.place(FOLDER, &manifest.trial))?;
             return Ok(stored.into_iter().map(|(_, f)| f).find(|f| f.rows == rows));
         }
@@ -189,28 +189,37 @@ fn leaves_of(tree: &Tree, node: Node) -> Vec<(&'static str, &str)> {
 }
 
 /// Present inputs of a node; none if one of them has not been made.
-fn inputs(tree: &Tree, node: Node, workspace: &Workspace, manifests: &Manifests) -> Option<BTreeMap<String, String>> {
+fn inputs(
+    tree: &Tree,
+    node: Node,
+    workspace: &Workspace,
+    manifests: &Manifests,
+) -> Result<Option<BTreeMap<String, String>>, PipelineError> {
     if node.level == 1 {
         let made = leaves_of(tree, node).into_iter().filter_map(|(stage, trial)| {
             let sound = manifests.trouble(stage, trial).is_none();
             let m = manifests.get(stage, trial).filter(|_| sound)?;
             Some((format!("{stage}/{trial}"), m.output.clone()))
         });
-        return Some(made.collect());
+        return Ok(Some(made.collect()));
     }
     tree.nodes_below(node)
         .into_iter()
-        .map(|n| current(tree, n, workspace, manifests).map(|m| (format!("{FOLDER}/{n}"), m.output)))
+        .map(|n| Ok(current(tree, n, workspace, manifests)?.map(|m| (format!("{FOLDER}/{n}"), m.output))))
         .collect()
 }
 
-fn current(tree: &Tree, node: Node, workspace: &Workspace, manifests: &Manifests) -> Option<Manifest> {
-    let manifest = workspace.manifest(FOLDER, &node.to_string()).filter(Manifest::is_ok)?;
-    if !workspace.damage(FOLDER, &node.to_string()).is_empty() {
-        return None;
-    }
+fn current(
+    tree: &Tree,
+    node: Node,
+    workspace: &Workspace,
+    manifests: &Manifests,
+) -> Result<Option<Manifest>, PipelineError> {
+    let name = node.to_string();
+    let whole = workspace.damage(FOLDER, &name)?.is_empty();
+    let Some(manifest) = workspace.usable(FOLDER, &name)?.filter(|_| whole) else { return Ok(None) };
     let now = inputs(tree, node, workspace, manifests)?;
-    manifest.differences(VERSION, &json!({}), &now).is_empty().then_some(manifest)
+    Ok(now.is_some_and(|now| manifest.differences(VERSION, &json!({}), &now).is_empty()).then_some(manifest))
 }
 
 /// Makes one node; true if there was something to do.
@@ -225,11 +234,11 @@ pub fn make(session: &SubjectSession, node: Node) -> Result<bool, PipelineError>
     }
     let workspace = Workspace::open(&session.workspace);
     let _lock = workspace.lock_shared()?;
-    let manifests = Manifests::read(session, &workspace, STAGES);
-    if current(&tree, node, &workspace, &manifests).is_some() {
+    let manifests = Manifests::read(session, &workspace, STAGES)?;
+    if current(&tree, node, &workspace, &manifests)?.is_some() {
         return Ok(false);
     }
-    let Some(made_from) = inputs(&tree, node, &workspace, &manifests) else {
+    let Some(made_from) = inputs(&tree, node, &workspace, &manifests)? else {
         return Err(PipelineError::request_hint(
             format!("what node {node} merges has not been made"),
             "make the nodes of the level below first",
@@ -241,7 +250,7 @@ pub fn make(session: &SubjectSession, node: Node) -> Result<bool, PipelineError>
     let fail = |f: StageFailure| PipelineError::Request { problem: f.problem, hint: f.hint };
     for key in made_from.keys() {
         if let Some((folder, name)) = key.split_once('/')
-            && let Some(problem) = workspace.damage(folder, name).into_iter().next()
+            && let Some(problem) = workspace.damage(folder, name)?.into_iter().next()
         {
             return Err(PipelineError::Damaged { path: workspace.place(folder, name), problem });
         }

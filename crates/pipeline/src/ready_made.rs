@@ -62,8 +62,9 @@ pub fn keep(session: &SubjectSession, made: &Workspace, workspace: &Workspace, c
     for stage in STAGES.iter().filter(|s| follow.contains(&s.name)) {
         for trial in stage.tasks(session) {
             let name = trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
-            let Some(manifest) = made.manifest(stage.name, name).filter(Manifest::is_ok) else { continue };
-            if !own && workspace.manifest(stage.name, name).is_some_and(|m| same(&m, &manifest)) {
+            // none: a result that cannot be read is not kept
+            let Ok(Some(manifest)) = made.usable(stage.name, name) else { continue };
+            if !own && workspace.manifest(stage.name, name).is_ok_and(|m| m.is_some_and(|m| same(&m, &manifest))) {
                 continue;
             }
             // where a cache lacks a result, the stage runs
@@ -119,10 +120,12 @@ pub(crate) fn take(
     let parameters = (stage.parameters)(session, task.trial);
     [FORECAST, REPLACED].iter().find_map(|cache| {
         let store = Workspace::open(&workspace.root().join(cache));
-        let found = store.manifest(stage.name, name).filter(Manifest::is_ok)?;
+        // none: a cache that cannot be read is none
+        let found = store.usable(stage.name, name).ok()??;
         let fits = found.program == env!("CARGO_PKG_VERSION")
             && found.differences(stage.version, &parameters, &task.inputs.hashes).is_empty();
-        if !fits || !store.damage(stage.name, name).is_empty() {
+        // none: as above
+        if !fits || !store.damage(stage.name, name).is_ok_and(|found| found.is_empty()) {
             return None;
         }
         // none: what cannot be taken over is computed

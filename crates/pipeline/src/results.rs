@@ -10,7 +10,7 @@ use aloft_trial::Trial;
 use aloft_workspace::artifact::{load_markers, load_motion, load_trial, load_trial_without_points};
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::{read_json, read_json_if_there};
-use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
+use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::workspace::Workspace;
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
@@ -76,10 +76,13 @@ impl<'a> Results<'a> {
         Ok(self.workspace.place(stage, trial))
     }
 
-    /// Manifest of a result; none if there is no such result.
-    pub fn manifest(&self, stage: &str, trial: &str) -> Option<Manifest> {
-        // none: what a stage does not declare as an input is as if it were not there
-        self.place(stage, trial).ok().and_then(|_| self.workspace.manifest(stage, trial))
+    /// Hash of the files of a result; empty if there is no such result.
+    ///
+    /// # Errors
+    /// That of [`Results::place`]; its manifest cannot be read.
+    pub fn output(&self, stage: &str, trial: &str) -> Result<String, StageFailure> {
+        self.place(stage, trial)?;
+        Ok(self.workspace.output(stage, trial)?)
     }
 
     /// The workspace itself, for files that are not results of a stage.
@@ -121,7 +124,7 @@ impl<'a> Results<'a> {
 
     /// The same; none if they are not among the inputs of the stage.
     pub fn load_tares_if_any(&self, trial: &str) -> Result<Option<Vec<PlateTare>>, StageFailure> {
-        // none: as for the manifest
+        // none: what a stage does not declare as an input is as if it were not there
         let Ok(place) = self.place("flight", trial) else { return Ok(None) };
         Ok(read_json_if_there(&place.join("tare.json"))?)
     }
@@ -154,7 +157,7 @@ impl<'a> Results<'a> {
     /// Parameters identified from one kind of rows; none if they were not identified.
     pub fn load_parameters(&self, rows: Rows) -> Result<Option<Parameters>, StageFailure> {
         let path = self.place("identify", WHOLE_STUDY)?.join(parameters_file(rows));
-        if path.is_file() { Ok(Some(read_json(&path)?)) } else { Ok(None) }
+        Ok(read_json_if_there(&path)?)
     }
 }
 

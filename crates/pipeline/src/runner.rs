@@ -27,7 +27,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 /// Maximum number of tasks that the selection may run, and how long they took before.
-fn plan(studies: &[&SubjectSession], (from, until): (usize, usize), filter: Option<&GlobSet>) -> Plan {
+fn plan(
+    studies: &[&SubjectSession],
+    (from, until): (usize, usize),
+    filter: Option<&GlobSet>,
+) -> Result<Plan, PipelineError> {
     let mut plan = Plan { tasks: vec![0; STAGES.len()], seconds: vec![None; STAGES.len()] };
     for i in from..until {
         let (mut sum, mut n) = (0.0, 0.0);
@@ -40,8 +44,7 @@ fn plan(studies: &[&SubjectSession], (from, until): (usize, usize), filter: Opti
                 plan.tasks[i] += 1;
                 // a few earlier times are enough for a forecast
                 if j < 3
-                    && let Some(m) = workspace.manifest(STAGES[i].name, task.map_or(WHOLE_STUDY, |t| &t.name))
-                    && m.is_ok()
+                    && let Some(m) = workspace.usable(STAGES[i].name, task.map_or(WHOLE_STUDY, |t| &t.name))?
                 {
                     sum += m.seconds;
                     n += 1.0;
@@ -50,7 +53,7 @@ fn plan(studies: &[&SubjectSession], (from, until): (usize, usize), filter: Opti
         }
         plan.seconds[i] = (n > 0.0).then(|| sum / n);
     }
-    plan
+    Ok(plan)
 }
 
 /// Runs the selected stages of one study.
@@ -62,7 +65,7 @@ pub fn run(
     let range = stage_range(selection)?;
     let filter = trial_filter(&[session], &selection.trials)?;
     refuse_unknown_plates(&[session])?;
-    progress.begin(&plan(&[session], range, filter.as_ref()));
+    progress.begin(&plan(&[session], range, filter.as_ref())?);
     let done = run_study(session, range, filter.as_ref(), selection, &TrialThreads::new(1), progress);
     progress.end();
     done
@@ -77,7 +80,7 @@ pub fn run_held(
     progress: &dyn Progress,
 ) -> Result<RunReport, PipelineError> {
     let range = (0, STAGES.len());
-    progress.begin(&plan(&[session], range, None));
+    progress.begin(&plan(&[session], range, None)?);
     let workspace = Workspace::open(&session.workspace);
     let done = run_stages(session, &workspace, range, None, &Selection::default(), &TrialThreads::new(1), progress);
     progress.end();
@@ -107,7 +110,7 @@ pub fn run_all(set: &DataSet, selection: &Selection, progress: &dyn Progress) ->
     let whole = Workspace::open(&set.workspace);
     let _lock = if selection.alone() { Some(whole.lock(selection.patience())?) } else { None };
     let _shared = if selection.shared && !selection.dry_run { Some(whole.lock_shared()?) } else { None };
-    progress.begin(&plan(&members, range, filter.as_ref()));
+    progress.begin(&plan(&members, range, filter.as_ref())?);
     let next = AtomicUsize::new(0);
     let slots: Vec<Mutex<Option<Result<RunReport, PipelineError>>>> =
         members.iter().map(|_| Mutex::new(None)).collect();
@@ -188,9 +191,9 @@ fn run_stages(
     let started = Instant::now();
     // jobs of a cluster read only the manifests of their own inputs
     let mut manifests = if selection.shared {
-        Manifests::read(session, workspace, STAGES)
+        Manifests::read(session, workspace, STAGES)?
     } else {
-        Manifests::read_and_examine(session, workspace, STAGES)
+        Manifests::read_and_examine(session, workspace, STAGES)?
     };
     for stage in STAGES[..from].iter().copied() {
         refuse_if_not_current(stage, &STAGES[from..until], session, filter, workspace, &manifests)?;

@@ -25,17 +25,17 @@ pub(crate) fn made_meanwhile(
     task: &Task<'_>,
     session: &SubjectSession,
     workspace: &Workspace,
-) -> Option<(Manifest, TaskReport)> {
+) -> Result<Option<(Manifest, TaskReport)>, PipelineError> {
     let name = task.trial.map_or(WHOLE_STUDY, |t| t.name.as_str());
     workspace.forget(stage.name, name);
-    let manifest = workspace.manifest(stage.name, name)?;
-    let inputs = graph::TaskInputs { own_damage: workspace.damage(stage.name, name), ..task.inputs.clone() };
+    let Some(manifest) = workspace.manifest(stage.name, name)? else { return Ok(None) };
+    let inputs = graph::TaskInputs { own_damage: workspace.damage(stage.name, name)?, ..task.inputs.clone() };
     if !graph::task_state(stage, task.trial, session, &inputs, Some(&manifest)).is_current() {
-        return None;
+        return Ok(None);
     }
     let (trial, warnings) = (name.to_owned(), manifest.warnings.clone());
     let report = TaskReport { stage: stage.name, trial, ended: Ended::UpToDate, warnings, seconds: 0.0 };
-    Some((manifest, report))
+    Ok(Some((manifest, report)))
 }
 
 /// Checks that a recording did not change between hashing and reading; otherwise the result would

@@ -17,7 +17,7 @@ use aloft_study::config::FilterConfig;
 use aloft_study::effects::{KnownEffects, ModelEffects};
 use aloft_trial::Trial;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use nalgebra::{DMatrix, Vector3, Vector6};
 use std::sync::Arc;
 
@@ -230,8 +230,7 @@ impl TrialRows {
         let calendar = if plates.is_empty() { None } else { Some(calendar()?) };
         let session_time_s = calendar.as_ref().map_or(0.0, |c| c.start_s(name));
         let sensors = RobotErrors::load(results, &motion)?;
-        let segments = results.place("ik", name)?.join(SEGMENTS_FILE);
-        let segments = if segments.is_file() { Some(read_json(&segments)?) } else { None };
+        let segments = read_json_if_there(&results.place("ik", name)?.join(SEGMENTS_FILE))?;
         Ok(Self {
             sensors,
             segments,

@@ -65,7 +65,7 @@ pub(crate) fn run_tasks(
         let _alone = if selection.shared { Some(workspace.lock_task(stage.name, name)?) } else { None };
         if selection.shared
             && !selection.force
-            && let Some((manifest, report)) = made_meanwhile(stage, task, session, workspace)
+            && let Some((manifest, report)) = made_meanwhile(stage, task, session, workspace)?
         {
             return Ok(Some((manifest, report, None)));
         }

@@ -291,7 +291,7 @@ impl Native {
     /// All tables of the results: stage, trial (none for the whole study) and file.
     fn tables(&self, py: Python<'_>) -> PyResult<Vec<(String, Option<String>, String)>> {
         let session = self.one(py)?;
-        Ok(py.detach(|| places::tables(&session)))
+        py.detach(|| places::tables(&session)).map_err(|e| raise(py, &e))
     }
 }
 

@@ -27,7 +27,7 @@ pub fn result(
     }
     let ws = Workspace::open(&session.workspace);
     let whose = trial.map_or(String::new(), |name| format!(" of {name}"));
-    let manifest = ws.manifest(stage, of).ok_or_else(|| {
+    let manifest = ws.manifest(stage, of)?.ok_or_else(|| {
         PipelineError::request_hint(
             format!("`{stage}`{whose} has no result in {}", session.workspace.display()),
             "run() makes it, if the stage runs for such a trial; status() shows what there is",
@@ -45,7 +45,7 @@ pub fn result(
         ));
     }
     let place = ws.place(stage, of);
-    if let Some(problem) = ws.damage(stage, of).into_iter().next() {
+    if let Some(problem) = ws.damage(stage, of)?.into_iter().next() {
         return Err(PipelineError::Damaged { path: place, problem });
     }
     let late = of_result(session, stage, of)?;
@@ -53,16 +53,19 @@ pub fn result(
 }
 
 /// All tables of the results: stage, trial (none for the whole study) and file.
-pub fn tables(session: &SubjectSession) -> Vec<(String, Option<String>, String)> {
+///
+/// # Errors
+/// A manifest is there and cannot be read.
+pub fn tables(session: &SubjectSession) -> Result<Vec<(String, Option<String>, String)>, PipelineError> {
     let ws = Workspace::open(&session.workspace);
     let mut out = Vec::new();
     for stage in STAGES {
         for task in stage.tasks(session) {
             let trial = task.map(|t| t.name.clone());
-            let Some(manifest) = ws.manifest(stage.name, trial.as_deref().unwrap_or(WHOLE_STUDY)) else { continue };
+            let Some(manifest) = ws.manifest(stage.name, trial.as_deref().unwrap_or(WHOLE_STUDY))? else { continue };
             let tables = manifest.files.keys().filter(|f| f.ends_with(".parquet"));
             out.extend(tables.map(|f| (stage.name.to_owned(), trial.clone(), f.clone())));
         }
     }
-    out
+    Ok(out)
 }

@@ -48,14 +48,12 @@ pub fn section(story: &Story<'_>) -> Result<Option<Section>, PipelineError> {
         return Ok(None);
     }
     let report = read_json_if_there(&story.ws.place("calibrate", WHOLE_STUDY).join("report.json"))?;
-    Ok(report.and_then(|r| of(story, &r)))
+    report.map_or(Ok(None), |r| of(story, &r))
 }
 
-fn of(story: &Story<'_>, r: &Report) -> Option<Section> {
-    let used = story
-        .ws
-        .manifest("calibrate", WHOLE_STUDY)
-        .and_then(|m| m.summary.get("used").and_then(serde_json::Value::as_bool));
+fn of(story: &Story<'_>, r: &Report) -> Result<Option<Section>, PipelineError> {
+    let manifest = story.ws.manifest("calibrate", WHOLE_STUDY)?;
+    let used = manifest.and_then(|m| m.summary.get("used").and_then(serde_json::Value::as_bool));
     let (before, after) = (mm(r.held_out_rms_before_m), mm(r.held_out_rms_after_m));
     let light = if after < before { Light::Good } else { Light::Fair };
     let moved: Vec<f64> = r.joints.iter().map(|j| mm(j.moved_m)).filter(|m| m.is_finite()).collect();
@@ -106,10 +104,10 @@ fn of(story: &Story<'_>, r: &Report) -> Option<Section> {
         rows,
     );
     blocks.push(table.into());
-    Some(Section::new(
+    Ok(Some(Section::new(
         "calibration",
         "What calibration gained",
         "Joint centres, hinge axes and marker places were refined over all recordings on markers alone; the error is evaluated on held-out frames.",
         blocks,
-    ))
+    )))
 }

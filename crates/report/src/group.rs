@@ -152,10 +152,11 @@ fn row(m: &Member<'_>) -> Row {
         failure: None,
     };
     let made = aloft_pipeline::made::as_made(m.session);
-    let story = match Story::read(&made, m.session) {
+    let story = made.as_ref().map_err(ToString::to_string);
+    let story = match story.and_then(|made| Story::read(made, m.session).map_err(|e| e.to_string())) {
         Ok(story) => story,
         Err(e) => {
-            out.failure = Some(e.to_string());
+            out.failure = Some(e);
             out.link.clear();
             return out;
         }

@@ -111,7 +111,7 @@ pub fn write_group(
 
 /// The page; with its own switches, if they are asked for and there are any.
 fn page(now: &SubjectSession, switches: bool) -> Result<(Page, Offered), PipelineError> {
-    let session = &aloft_pipeline::made::as_made(now);
+    let session = &aloft_pipeline::made::as_made(now)?;
     let story = Story::read(session, now)?;
     let mut chapters = vec![overview::chapter(&story)?];
     chapters.extend(prediction::chapter(&story));

@@ -4,10 +4,12 @@
 use super::STUDY;
 use super::story::Story;
 use aloft_page::{Block, Chapter, Light, Section, Table};
+use aloft_pipeline::graph::Stage;
 use aloft_pipeline::stages::STAGES;
 use aloft_study::commands::command;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::manifest::WHOLE_STUDY;
+use aloft_workspace::manifest::{Manifest, WHOLE_STUDY};
+use std::collections::BTreeSet;
 
 /// The chapter.
 ///
@@ -30,7 +32,7 @@ pub fn chapter(story: &Story<'_>) -> Result<Chapter, PipelineError> {
             "provenance",
             "Where the numbers come from",
             "Version of each stage's code, number of results, run time and parameters.",
-            vec![provenance(story).into()],
+            vec![provenance(story)?.into()],
         ),
         Section::new("go-on", "How to go on", "", vec![Block::Commands { lines: commands }]),
     ];
@@ -49,45 +51,45 @@ fn paragraph(story: &Story<'_>) -> Result<String, PipelineError> {
         Some(subject) => aloft_analysis::methods::paragraph(story.session, &story.ws, subject)?,
         None => String::new(),
     };
-    Ok(format!("{text} Software: aloft {}.", programs(story)).trim_start().to_owned())
+    Ok(format!("{text} Software: aloft {}.", programs(story)?).trim_start().to_owned())
 }
 
 /// Versions of the program that produced the results.
-fn programs(story: &Story<'_>) -> String {
-    let made = STAGES.iter().flat_map(|stage| {
-        let names = stage.tasks(story.session).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
-        names.filter_map(|n| Some(story.ws.manifest(stage.name, n)?.program)).collect::<Vec<_>>()
-    });
-    made.collect::<std::collections::BTreeSet<String>>().into_iter().collect::<Vec<_>>().join(" and ")
+fn programs(story: &Story<'_>) -> Result<String, PipelineError> {
+    let mut made = BTreeSet::new();
+    for stage in STAGES {
+        made.extend(manifests(story, stage)?.into_iter().map(|m| m.program));
+    }
+    Ok(made.into_iter().collect::<Vec<_>>().join(" and "))
+}
+
+/// Manifests of the results of a stage.
+fn manifests(story: &Story<'_>, stage: &Stage) -> Result<Vec<Manifest>, PipelineError> {
+    let names = stage.tasks(story.session).into_iter().map(|t| t.map_or(WHOLE_STUDY, |t| t.name.as_str()));
+    names.filter_map(|name| story.ws.manifest(stage.name, name).transpose()).collect()
 }
 
 /// Provenance table: what each stage read.
-fn provenance(story: &Story<'_>) -> Table {
-    let rows = STAGES
-        .iter()
-        .filter_map(|stage| {
-            let tasks = stage.tasks(story.session);
-            let manifests: Vec<_> = tasks
-                .iter()
-                .filter_map(|t| story.ws.manifest(stage.name, t.map_or(WHOLE_STUDY, |t| t.name.as_str())))
-                .collect();
-            let first = manifests.first()?;
-            let seconds: f64 = manifests.iter().map(|m| m.seconds).sum();
-            let ok = manifests.iter().filter(|m| m.is_ok()).count();
-            Some(vec![
-                stage.name.to_owned(),
-                first.version.to_string(),
-                format!("{ok} of {}", tasks.len()),
-                format!("{seconds:.2}"),
-                blake3::hash(first.parameters.to_string().as_bytes()).to_hex()[..12].to_owned(),
-                stage.gives.to_owned(),
-            ])
-        })
-        .collect();
-    Table::new(
+fn provenance(story: &Story<'_>) -> Result<Table, PipelineError> {
+    let mut rows = Vec::new();
+    for stage in STAGES {
+        let manifests = manifests(story, stage)?;
+        let Some(first) = manifests.first() else { continue };
+        let seconds: f64 = manifests.iter().map(|m| m.seconds).sum();
+        let ok = manifests.iter().filter(|m| m.is_ok()).count();
+        rows.push(vec![
+            stage.name.to_owned(),
+            first.version.to_string(),
+            format!("{ok} of {}", stage.tasks(story.session).len()),
+            format!("{seconds:.2}"),
+            blake3::hash(first.parameters.to_string().as_bytes()).to_hex()[..12].to_owned(),
+            stage.gives.to_owned(),
+        ]);
+    }
+    Ok(Table::new(
         "Stages",
         "The hash is that of the parameters of the stage; equal hashes mean equal settings.",
         &["stage", "version", "results", "time, s", "settings", "gives"],
         rows,
-    )
+    ))
 }

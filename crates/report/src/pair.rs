@@ -70,7 +70,7 @@ pub(super) fn lines(story: &Story<'_>) -> Lines {
 /// The table cannot be drawn.
 pub fn side_by_side(members: &[SubjectSession]) -> Result<(Option<String>, Vec<String>), PipelineError> {
     let read = |m: &SubjectSession| {
-        let made = aloft_pipeline::made::as_made(m);
+        let made = aloft_pipeline::made::as_made(m)?;
         let story = Story::read(&made, m)?;
         Ok((m.id.to_string(), lines(&story)))
     };

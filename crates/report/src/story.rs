@@ -118,7 +118,8 @@ impl<'a> Story<'a> {
     /// The workspace has no results; a file in it is damaged.
     pub fn read(session: &'a SubjectSession, now: &SubjectSession) -> Result<Self, PipelineError> {
         let ws = Workspace::open(&session.workspace);
-        if !session.trials.iter().any(|t| ws.manifest("import", &t.name).is_some()) {
+        let imported = session.trials.iter().map(|t| ws.manifest("import", &t.name)).collect::<Result<Vec<_>, _>>()?;
+        if imported.iter().all(Option::is_none) {
             return Err(PipelineError::request_hint(
                 format!("nothing was run in {}", session.workspace.display()),
                 format!("run `{}` first", command(session, "run", None)),
@@ -142,13 +143,12 @@ impl<'a> Story<'a> {
                 Ok(trial)
             })
             .collect::<Result<_, PipelineError>>()?;
-        let failures = STAGES
-            .iter()
-            .filter_map(|s| match ws.manifest(s.name, WHOLE_STUDY)?.outcome {
-                Outcome::Failed(f) => Some((s.name, f)),
-                Outcome::Ok => None,
-            })
-            .collect();
+        let mut failures = Vec::new();
+        for s in STAGES {
+            if let Some(Manifest { outcome: Outcome::Failed(f), .. }) = ws.manifest(s.name, WHOLE_STUDY)? {
+                failures.push((s.name, f));
+            }
+        }
         let checked = session_check(session)?;
         let joint_above = freshness.is_current() && comparison.is_some() && is_joint_above(session)?;
         Ok(Self {
@@ -163,7 +163,7 @@ impl<'a> Story<'a> {
             checked,
             notes: aloft_analysis::notes::read(session)?,
             discoveries: discoveries(session)?,
-            looked_at: looked_at(session),
+            looked_at: looked_at(session)?,
             history: history(session)?,
             session,
             ws,
@@ -219,7 +219,7 @@ impl<'a> TrialStory<'a> {
         let name = entry.name.as_str();
         let (mut failures, mut warnings) = (Vec::new(), Vec::new());
         for stage in STAGES {
-            let Some(m) = ws.manifest(stage.name, name) else { continue };
+            let Some(m) = ws.manifest(stage.name, name)? else { continue };
             warnings.extend(m.warnings);
             if let Outcome::Failed(f) = m.outcome {
                 failures.push((stage.name, f));
@@ -232,7 +232,7 @@ impl<'a> TrialStory<'a> {
         let has = |file: &Path| -> Result<bool, PipelineError> { Ok(whole && is_there(file)?) };
         Ok(Self {
             entry,
-            import: ws.manifest("import", name),
+            import: ws.manifest("import", name)?,
             quality: read_json_if_there(&ws.place("import", name).join("quality.json"))?,
             kinematics: rows.iter().find(|k| whole && k.trial == name).cloned(),
             motion: if has(&solved.join("motion.json"))? { Some(load_motion(&solved)?) } else { None },

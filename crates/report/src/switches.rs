@@ -94,7 +94,7 @@ fn asked(session: &SubjectSession) -> Result<Value, PipelineError> {
         "verdict": d.verdict, "words": words, "effects": d.effects,
         "found": found,
         "candidates": about.collect::<Vec<_>>(),
-        "of_present_results": asked.is_of(session),
+        "of_present_results": asked.is_of(session)?,
     }))
 }
 

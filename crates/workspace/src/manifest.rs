@@ -7,6 +7,7 @@ use crate::seal;
 use crate::warning::StageWarning;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::io::ErrorKind::NotFound;
 use std::path::Path;
 
 /// File that states what a result was made from and which files belong to it.
@@ -168,21 +169,27 @@ fn describe_changes(path: &str, old: &serde_json::Value, new: &serde_json::Value
 }
 
 /// Compares a result's folder with its manifest.
-pub(crate) fn examine(place: &Path) -> Vec<String> {
-    if !place.exists() {
-        return Vec::new();
+///
+/// # Errors
+/// The system cannot read one of its files: whether it is damaged is not known.
+pub(crate) fn examine(place: &Path) -> Result<Vec<String>, PipelineError> {
+    if !disk::is_there(place)? {
+        return Ok(Vec::new());
     }
     let manifest: Manifest = match seal::read(&place.join(MANIFEST)) {
         Ok(manifest) => manifest,
-        Err(PipelineError::Damaged { problem, .. }) => return vec![format!("{MANIFEST}: {problem}")],
-        Err(PipelineError::Io { problem, .. }) => return vec![format!("{MANIFEST}: {problem}")],
-        Err(e) => return vec![format!("{MANIFEST}: {e}")],
+        Err(PipelineError::Damaged { problem, .. }) => return Ok(vec![format!("{MANIFEST}: {problem}")]),
+        Err(PipelineError::Io { problem, .. }) if problem.kind() == NotFound => {
+            return Ok(vec![format!("{MANIFEST}: {problem}")]);
+        }
+        Err(e) => return Err(e),
     };
     let mut problems = Vec::new();
     for (name, stamp) in &manifest.files {
-        match std::fs::read(place.join(name)) {
-            Err(e) if e.kind() == std::io::ErrorKind::NotFound => problems.push(format!("{name} is missing")),
-            Err(e) => problems.push(format!("{name}: {e}")),
+        let file = place.join(name);
+        match std::fs::read(&file) {
+            Err(e) if e.kind() == NotFound => problems.push(format!("{name} is missing")),
+            Err(e) => return Err(PipelineError::io("read", file)(e)),
             Ok(bytes) if bytes.len() as u64 != stamp.bytes => {
                 problems.push(format!("{name} has {} bytes, expected {}", bytes.len(), stamp.bytes));
             }
@@ -199,7 +206,7 @@ pub(crate) fn examine(place: &Path) -> Vec<String> {
             problems.push(format!("{name} does not belong to the result"));
         }
     }
-    problems
+    Ok(problems)
 }
 
 /// Files of a folder with their hashes.

@@ -25,8 +25,6 @@ pub struct Workspace {
     inputs: InputHashes,
     /// Results whose files this process compared with their hashes, with the problems found.
     examined: Mutex<HashMap<(String, String), Vec<String>>>,
-    /// The first manifest that is there and could not be read.
-    unread: Mutex<Option<PipelineError>>,
 }
 
 /// A folder in which a result is being made, not visible to readers; removed when dropped.
@@ -60,12 +58,7 @@ pub struct Complete {
 impl Workspace {
     /// Opens a workspace for reading; nothing is created.
     pub fn open(root: &Path) -> Self {
-        Self {
-            root: root.to_path_buf(),
-            inputs: InputHashes::open(root),
-            examined: Mutex::default(),
-            unread: Mutex::default(),
-        }
+        Self { root: root.to_path_buf(), inputs: InputHashes::open(root), examined: Mutex::default() }
     }
 
     /// Removes the unfinished files of killed processes, and restores results that they had moved
@@ -112,12 +105,11 @@ impl Workspace {
     /// moving the new one in leaves the old one among its temporary folders. If the result is
     /// missing in its place, the old one is moved back, so that no finished result is lost.
     fn put_back(&self, old: &Path) -> Result<(), PipelineError> {
-        // none: an old result without a manifest is not put back
-        let Ok(manifest) = seal::read::<Manifest>(&old.join(MANIFEST)) else { return Ok(()) };
+        let Some(manifest) = seal::read_if_whole::<Manifest>(&old.join(MANIFEST))? else { return Ok(()) };
         let place = self.place(&manifest.stage, &manifest.trial);
         // if the complete new result is next to it, that one is preferred
         let new = PathBuf::from(old.to_string_lossy().trim_end_matches(OLD));
-        let whole = seal::read::<Manifest>(&new.join(MANIFEST)).is_ok();
+        let whole = seal::read_if_whole::<Manifest>(&new.join(MANIFEST))?.is_some();
         if !place.exists() {
             disk::rename(if whole { &new } else { old }, &place)?;
         }
@@ -142,44 +134,45 @@ impl Workspace {
         seal::read_if_there(&self.place(stage, trial).join(MANIFEST))
     }
 
-    /// The manifest of a result, if it exists and is undamaged. One that the system cannot read is
-    /// none either, and [`Workspace::all_read`] says so.
-    pub fn manifest(&self, stage: &str, trial: &str) -> Option<Manifest> {
-        let missing = |problem: &std::io::Error| {
-            matches!(problem.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory)
-        };
-        match seal::read(&self.place(stage, trial).join(MANIFEST)) {
-            Ok(manifest) => Some(manifest),
-            Err(PipelineError::Io { problem, .. }) if missing(&problem) => None,
-            Err(error) => {
-                if matches!(error, PipelineError::Io { .. }) {
-                    self.unread.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
-                }
-                None
-            }
-        }
-    }
-
-    /// To be asked before a number that rests on manifests is shown: a result whose manifest cannot
-    /// be read counts as missing, and another number would follow without a word.
+    /// The manifest of a result, if it exists and is undamaged: a damaged one is made again by the
+    /// next run, and [`Workspace::damage`] says what is wrong with it.
     ///
     /// # Errors
-    /// A manifest could not be read since this was asked last.
-    pub fn all_read(&self) -> Result<(), PipelineError> {
-        self.unread.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
+    /// It exists and the system cannot read it.
+    pub fn manifest(&self, stage: &str, trial: &str) -> Result<Option<Manifest>, PipelineError> {
+        seal::read_if_whole(&self.place(stage, trial).join(MANIFEST))
+    }
+
+    /// The same, if the result can be used: its stage did not fail.
+    ///
+    /// # Errors
+    /// As [`Workspace::manifest`].
+    pub fn usable(&self, stage: &str, trial: &str) -> Result<Option<Manifest>, PipelineError> {
+        Ok(self.manifest(stage, trial)?.filter(Manifest::is_ok))
+    }
+
+    /// Hash of the files of a result; empty if there is none.
+    ///
+    /// # Errors
+    /// As [`Workspace::manifest`].
+    pub fn output(&self, stage: &str, trial: &str) -> Result<String, PipelineError> {
+        Ok(self.manifest(stage, trial)?.map_or_else(String::new, |m| m.output))
     }
 
     /// Problems in the files of a result, in words; empty if they are unchanged or if there is no
     /// result. Every file is read once per process.
-    pub fn damage(&self, stage: &str, trial: &str) -> Vec<String> {
+    ///
+    /// # Errors
+    /// The system cannot read one of them.
+    pub fn damage(&self, stage: &str, trial: &str) -> Result<Vec<String>, PipelineError> {
         let key = (stage.to_owned(), trial.to_owned());
         let lock = || self.examined.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(known) = lock().get(&key) {
-            return known.clone();
+            return Ok(known.clone());
         }
-        let found = examine(&self.place(stage, trial));
+        let found = examine(&self.place(stage, trial))?;
         lock().insert(key, found.clone());
-        found
+        Ok(found)
     }
 
     /// Discards the findings of [`Workspace::damage`], because another process may have made the
@@ -351,13 +344,13 @@ mod tests {
         };
         seal::write(&moved("a.1", "pc-1-0").join(MANIFEST), &manifest("a.1", 2.0)).unwrap();
         std::fs::write(moved("a.2", "pc-1-1").join(MANIFEST), "{\"stage\": \"i").unwrap();
-        assert!(ws.manifest("ik", "a.1").is_none() && ws.manifest("ik", "a.2").is_none());
+        assert!(ws.manifest("ik", "a.1").unwrap().is_none() && ws.manifest("ik", "a.2").unwrap().is_none());
         // files that a running process is still writing stay
         let live = ws.scratch("ik", "a.3").unwrap();
         let file = disk::Temporary::beside(&ws.root().join("discovery.json")).unwrap();
         let _lock = ws.lock(Duration::ZERO).unwrap();
-        assert_eq!(ws.manifest("ik", "a.1").map(|m| m.seconds), Some(2.0));
-        assert_eq!(ws.manifest("ik", "a.2").map(|m| m.seconds), Some(1.0));
+        assert_eq!(ws.manifest("ik", "a.1").unwrap().map(|m| m.seconds), Some(2.0));
+        assert_eq!(ws.manifest("ik", "a.2").unwrap().map(|m| m.seconds), Some(1.0));
         assert!(live.is_dir() && file.path().is_file());
         drop((live, file));
         assert_eq!(std::fs::read_dir(ws.root().join(SCRATCH)).unwrap().count(), 0);
@@ -396,16 +389,37 @@ mod tests {
             for (i, (m, done)) in done.iter().enumerate() {
                 assert_eq!((m.trial.as_str(), done.is_err()), (names[i], i == broken), "{way} {broken}");
                 let now = Workspace::open(ws.root());
-                let stands = now.manifest("ik", names[i]).map(|m| m.seconds);
+                let stands = now.manifest("ik", names[i]).unwrap().map(|m| m.seconds);
                 let wanted = if i != broken { Some(2.0) } else { Some(1.0).filter(|_| way != "place") };
                 assert_eq!(stands, wanted, "{way} {broken} {i}");
-                assert!(stands.is_none() || now.damage("ik", names[i]).is_empty());
+                assert!(stands.is_none() || now.damage("ik", names[i]).unwrap().is_empty());
                 if let Err(e) = done {
                     assert!(e.to_string().contains(&scratch.display().to_string()), "{e}");
                 }
             }
             drop(lock);
             assert_eq!(std::fs::read_dir(ws.root().join(SCRATCH)).unwrap().count(), 0, "{way} {broken}");
+        }
+    }
+
+    #[test]
+    fn regress_a_manifest_that_cannot_be_read_is_neither_missing_nor_damaged() {
+        let dir = tempfile::tempdir().unwrap();
+        let ws = Workspace::open(dir.path());
+        let place = ws.place("ik", "a");
+        let known = || (ws.manifest("ik", "a"), ws.output("ik", "a"), ws.damage("ik", "a"));
+        assert!(matches!(known(), (Ok(None), Ok(output), Ok(damage)) if output.is_empty() && damage.is_empty()));
+        std::fs::create_dir_all(&place).unwrap();
+        std::fs::write(place.join(MANIFEST), "{}").unwrap();
+        ws.forget("ik", "a");
+        assert!(matches!(known(), (Ok(None), Ok(_), Ok(damage)) if damage.len() == 1));
+        // what the system does not read as a file, whoever the user is
+        std::fs::remove_file(place.join(MANIFEST)).unwrap();
+        std::fs::create_dir(place.join(MANIFEST)).unwrap();
+        ws.forget("ik", "a");
+        let (manifest, output, damage) = known();
+        for error in [manifest.map(|_| ()), output.map(|_| ()), damage.map(|_| ())] {
+            assert!(error.unwrap_err().to_string().contains(&place.join(MANIFEST).display().to_string()));
         }
     }
 
@@ -421,8 +435,8 @@ mod tests {
         };
         make();
         let place = ws.place("ik", "a");
-        let look = || Workspace::open(ws.root()).damage("ik", "a");
-        assert!(look().is_empty() && Workspace::open(ws.root()).damage("ik", "b").is_empty());
+        let look = || Workspace::open(ws.root()).damage("ik", "a").unwrap();
+        assert!(look().is_empty() && Workspace::open(ws.root()).damage("ik", "b").unwrap().is_empty());
         for name in ["x.json", "y.parquet", MANIFEST] {
             let path = place.join(name);
             let bytes = std::fs::read(&path).unwrap();

@@ -9,7 +9,7 @@ use super::Exported;
 use aloft_export::OutFile;
 use aloft_workspace::disk;
 use aloft_workspace::error::PipelineError;
-use aloft_workspace::json::{read_json, read_json_if_there, write_json};
+use aloft_workspace::json::{read_json_if_there, write_json};
 use aloft_workspace::unfinished::Unfinished;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -88,8 +88,8 @@ pub(super) struct Folder {
 impl Folder {
     /// Checks the folder and creates the temporary folder for new files.
     pub fn prepare(root: &Path, state: &str) -> Result<Self, PipelineError> {
-        let manifest = if root.join(MANIFEST).is_file() {
-            read_json(&root.join(MANIFEST))?
+        let manifest = if let Some(manifest) = read_json_if_there(&root.join(MANIFEST))? {
+            manifest
         } else {
             if root.exists() && !root.is_dir() {
                 return Err(PipelineError::request_hint(
@@ -117,7 +117,7 @@ impl Folder {
 
     fn hash_of(&self, path: &str) -> Result<Option<String>, PipelineError> {
         let place = self.root.join(path);
-        if !place.is_file() {
+        if !disk::is_there(&place)? {
             return Ok(None);
         }
         let bytes = disk::read(&place)?;
@@ -324,7 +324,7 @@ mod tests {
         write(&root, "a", &[("1.txt", "one"), ("2.txt", "two")]).unwrap();
         // the state after the manifest was written and the first of two renames was made
         let hash = |t: &str| blake3::hash(t.as_bytes()).to_hex().to_string();
-        let mut manifest: Manifest = read_json(&root.join(MANIFEST)).unwrap();
+        let mut manifest: Manifest = aloft_workspace::json::read_json(&root.join(MANIFEST)).unwrap();
         manifest.results = "b".into();
         for (path, old, new) in [("1.txt", "one", "uno"), ("2.txt", "two", "due")] {
             manifest.files.get_mut(path).unwrap().blake3 = hash(new);

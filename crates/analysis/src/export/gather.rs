@@ -18,9 +18,10 @@ use aloft_robot::osim::RigidTree;
 use aloft_study::commands::command;
 use aloft_study::subject_session::{SubjectSession, TrialEntry};
 use aloft_workspace::artifact::{load_motion, load_trial};
+use aloft_workspace::disk::is_there;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::input;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::{read_json, read_json_if_there};
 use aloft_workspace::manifest::WHOLE_STUDY;
 use aloft_workspace::table::Table;
 use aloft_workspace::workspace::Workspace;
@@ -37,13 +38,12 @@ pub(super) fn subject(
     convention: Convention,
 ) -> Result<SubjectExport, PipelineError> {
     let place = ws.place("calibrate", WHOLE_STUDY).join("subject.json");
-    if !place.is_file() {
-        return Err(PipelineError::request_hint(
+    let subject: Subject = read_json_if_there(&place)?.ok_or_else(|| {
+        PipelineError::request_hint(
             format!("there is no model in {} yet", session.workspace.display()),
             format!("run `{}` first", command(session, "run", None)),
-        ));
-    }
-    let subject: Subject = read_json(&place)?;
+        )
+    })?;
     let (links, known, source) = inertias(session, &subject);
     let locked = read_json(&ws.place("scale", WHOLE_STUDY).join("locked.json"))?;
     let mut made = SubjectExport::new(subject, links, source, convention, locked, &program())
@@ -95,7 +95,10 @@ fn file_coordinates(
     name: &str,
 ) -> Result<Option<FileCoordinates>, PipelineError> {
     let place = ws.place("ik", name).join(COORDINATES);
-    let Some(osim) = session.osim.as_ref().filter(|_| place.is_file()) else { return Ok(None) };
+    let Some(osim) = &session.osim else { return Ok(None) };
+    if !is_there(&place)? {
+        return Ok(None);
+    }
     let table = Table::read(&place)?;
     let names = table.names().to_vec();
     let angle = |name: &String| osim.model.all_coordinates().iter().any(|c| c.name == *name && c.in_degrees);
@@ -206,19 +209,16 @@ pub(super) fn trial(
     entry: &TrialEntry,
 ) -> Result<Result<TrialExport, String>, PipelineError> {
     let name = &entry.name;
-    let is_ok = |stage: &str| ws.manifest(stage, name).is_some_and(|m| m.is_ok());
-    let imported = is_ok("import");
-    ws.all_read()?;
-    if !imported {
+    let is_ok = |stage: &str| Ok::<_, PipelineError>(ws.usable(stage, name)?.is_some());
+    if !is_ok("import")? {
         return Ok(Err("it was not imported; see `aloft status`".to_owned()));
     }
     let mut trial = load_trial(&ws.place("import", name))?;
-    let motion = |stage: &str| is_ok(stage).then(|| load_motion(&ws.place(stage, name))).transpose();
+    let motion = |stage: &str| is_ok(stage)?.then(|| load_motion(&ws.place(stage, name))).transpose();
     let (solved, filtered) = (motion("ik")?, motion("filter")?);
-    ws.all_read()?;
     let solved_ok = solved.is_some();
     let mut flights = Vec::new();
-    if is_ok("flight") {
+    if is_ok("flight")? {
         let folder = ws.place("flight", name);
         let tares: Vec<PlateTare> = read_json(&folder.join("tare.json"))?;
         apply_tare(&mut trial, &tares);
@@ -293,10 +293,9 @@ pub(super) fn state(session: &SubjectSession, ws: &Workspace, convention: Conven
             let name = task.map_or(WHOLE_STUDY, |t| &t.name);
             add(stage.name);
             add(name);
-            add(&ws.manifest(stage.name, name).map(|m| m.output).unwrap_or_default());
+            add(&ws.output(stage.name, name)?);
         }
     }
-    ws.all_read()?;
     Ok(hasher.finalize().to_hex().to_string())
 }
 
@@ -306,15 +305,15 @@ pub(super) fn recordings(session: &SubjectSession, ws: &Workspace) -> Result<Vec
     for path in session.included().flat_map(|t| std::iter::once(&t.file).chain(&t.forces)) {
         let relative = path.strip_prefix(&session.data).unwrap_or(path);
         let name = relative.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>();
-        // a recording that cannot be read has no results to export
-        // none: the list of recordings says so
-        out.push((name.join("/"), ws.input_hash(path).unwrap_or_else(|_| "unreadable".to_owned())));
+        // a recording that is gone has no results to export
+        let hash = if is_there(path)? { ws.input_hash(path)? } else { "unreadable".to_owned() };
+        out.push((name.join("/"), hash));
     }
     Ok(out)
 }
 
 /// Stages with their version and the pipeline section of the same name.
-pub(super) fn stages(session: &SubjectSession, ws: &Workspace) -> Vec<(String, u32, String)> {
+pub(super) fn stages(session: &SubjectSession, ws: &Workspace) -> Result<Vec<(String, u32, String)>, PipelineError> {
     // none: every configuration can be written
     let sections = serde_json::to_value(&session.config).ok().unwrap_or_default();
     STAGES
@@ -323,9 +322,9 @@ pub(super) fn stages(session: &SubjectSession, ws: &Workspace) -> Vec<(String, u
             let ran = stage
                 .tasks(session)
                 .into_iter()
-                .find_map(|t| ws.manifest(stage.name, t.map_or(WHOLE_STUDY, |t| &t.name)));
+                .find_map(|t| ws.manifest(stage.name, t.map_or(WHOLE_STUDY, |t| &t.name)).transpose());
             let parameters = sections.get(stage.name).map(ToString::to_string).unwrap_or_else(|| "{}".to_owned());
-            ran.map(|m| (stage.name.to_owned(), m.version, parameters))
+            ran.map(|m| Ok((stage.name.to_owned(), m?.version, parameters)))
         })
         .collect()
 }

@@ -74,7 +74,7 @@ fn convention_of(angles: Angles) -> Convention {
 pub fn export(now: &SubjectSession, options: &ExportOptions) -> Result<Exported, PipelineError> {
     let freshness = freshness(now)?;
     freshness.refuse_damaged(now, &[])?;
-    let session = &aloft_pipeline::made::as_made(now);
+    let session = &aloft_pipeline::made::as_made(now)?;
     let formats = Format::choose(&options.formats)
         .map_err(|e| PipelineError::request_hint(e.to_string(), "see `aloft export --help`"))?;
     let ws = Workspace::open(&session.workspace);
@@ -120,7 +120,7 @@ pub const FOLDER: &str = "export";
 pub(crate) fn not_current(now: &SubjectSession, look: Look) -> Result<Option<(&'static str, String)>, PipelineError> {
     let root = now.workspace.join(FOLDER);
     let Some(files) = folder::Listed::read(&root)? else { return Ok(None) };
-    let session = &aloft_pipeline::made::as_made(now);
+    let session = &aloft_pipeline::made::as_made(now)?;
     let ws = Workspace::open(&session.workspace);
     // the list does not state the convention of angles: each of them is current
     let mut states = Vec::new();
@@ -215,7 +215,7 @@ fn describe(
         pipeline: session.config.name.clone(),
         pipeline_hash: blake3::hash(session.config_text.as_bytes()).to_hex().to_string(),
         recordings: gather::recordings(session, ws)?,
-        stages: gather::stages(session, ws),
+        stages: gather::stages(session, ws)?,
         remarks: done
             .remarks
             .iter()

@@ -259,7 +259,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     if candidates.len() == 1 {
         left_out.fill(true);
     }
-    let key = floor_key(params, inputs, &compare_options(params, &subject));
+    let key = floor_key(params, inputs, &compare_options(params, &subject))?;
     // none: a floor that cannot be read is drawn again
     let stored = inputs.earlier().and_then(|place| read_json::<StoredFloor>(&place.join(NOISE_FLOOR_FILE)).ok());
     let earlier = stored.filter(|f| f.key == key);
@@ -347,12 +347,12 @@ pub struct StoredFloor {
 
 /// Hash of everything that the noise floor depends on: the motion, the plates, and how both are
 /// processed; never the effects of the model.
-fn floor_key(params: &Params, inputs: &StageInputs<'_>, options: &CompareOptions) -> String {
+fn floor_key(params: &Params, inputs: &StageInputs<'_>, options: &CompareOptions) -> Result<String, StageFailure> {
     let mut hasher = blake3::Hasher::new();
     for (stage, trial) in
         inputs.all().iter().filter(|(s, _)| !matches!(s.as_str(), "regressor" | "acceleration" | "identify"))
     {
-        let output = inputs.results.manifest(stage, trial).map(|m| m.output).unwrap_or_default();
+        let output = inputs.results.output(stage, trial)?;
         hasher.update(format!("{stage}/{trial}={output}\n").as_bytes());
     }
     let roles: Vec<&str> =
@@ -360,7 +360,7 @@ fn floor_key(params: &Params, inputs: &StageInputs<'_>, options: &CompareOptions
     let settings = json!({"version": STAGE.version, "options": key(options), "filter": key(&params.filter),
         "regressor": key(&params.regressor), "identify": key(&params.identify), "ik": key(&params.ik), "roles": roles});
     hasher.update(settings.to_string().as_bytes());
-    hasher.finalize().to_hex().to_string()
+    Ok(hasher.finalize().to_hex().to_string())
 }
 
 fn describe(c: &Comparison, done: &mut StageReport) {

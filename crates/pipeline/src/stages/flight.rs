@@ -12,6 +12,7 @@ use aloft_flight::{
 use aloft_study::config::{FlightConfig, FlightSource};
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_trial::Trial;
+use aloft_workspace::disk::is_there;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::write_json;
 use aloft_workspace::qc::QcReason;
@@ -175,7 +176,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
 /// Contact sensors of a robot's log; none where it has none.
 fn contact_sensors(inputs: &StageInputs<'_>, name: &str) -> Result<Vec<ContactSensor>, StageFailure> {
     let path = inputs.results.place("import", name)?.join(CONTACT);
-    if !path.is_file() {
+    if !is_there(&path)? {
         return Ok(Vec::new());
     }
     let columns = Table::read(&path)?.into_columns();

@@ -17,7 +17,7 @@ use aloft_study::revision::ModelEffect;
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::json::{read_json, write_json};
+use aloft_workspace::json::{read_json_if_there, write_json};
 use nalgebra::DVector;
 use serde::Serialize;
 use std::collections::{HashMap, HashSet};
@@ -366,10 +366,8 @@ fn misfit_of(inputs: &StageInputs<'_>) -> Result<Option<String>, StageFailure> {
     let mut found = Vec::new();
     for name in inputs.trials_with_role("regressor", |role| role == Role::Identify) {
         let file = inputs.results.place("regressor", &name)?.join(super::regressor::MISFITS_FILE);
-        if file.is_file() {
-            let words: Vec<String> = read_json(&file)?;
-            found.extend(words.into_iter().next().map(|words| (name, words)));
-        }
+        let words: Option<Vec<String>> = read_json_if_there(&file)?;
+        found.extend(words.into_iter().flatten().next().map(|words| (name, words)));
     }
     let others = match found.len() {
         0 | 1 => String::new(),

@@ -18,9 +18,10 @@ use aloft_study::recordings::{base_beside, markers_beside, stem_of};
 use aloft_study::robot::RobotSetup;
 use aloft_trial::{Corrections, Markers, Trial};
 use aloft_workspace::artifact::{save_motion, save_trial};
+use aloft_workspace::disk::is_there;
 use aloft_workspace::error::{PipelineError, StageFailure};
 use aloft_workspace::input;
-use aloft_workspace::json::{read_json, write_json};
+use aloft_workspace::json::{read_json, read_json_if_there, write_json};
 use aloft_workspace::qc::QcReason;
 use aloft_workspace::table::{Table, read_numbers};
 use nalgebra::{Quaternion, Rotation3, UnitQuaternion, Vector3};
@@ -246,7 +247,7 @@ pub fn load_log(
         base: None,
     };
     let path = place.join("base.parquet");
-    if !path.is_file() {
+    if !is_there(&path)? {
         return Ok((log, None));
     }
     let mut map = Table::read(&path)?.into_map();
@@ -392,7 +393,7 @@ pub fn motion(robot: &RobotSetup, inputs: &StageInputs<'_>) -> Result<StageRepor
         (log.gyro, log.acc) = (None, None);
     }
     let path = inputs.results.place("import", name)?.join(MARKERS);
-    let markers: Option<(PoseNoise, Vec<LinkMarker>)> = if path.is_file() { read_json(&path)? } else { None };
+    let markers: Option<(PoseNoise, Vec<LinkMarker>)> = read_json_if_there(&path)?;
     let noise = robot.description.noise;
     let noise = markers.as_ref().map_or(noise, |(own, _)| own.of(noise));
     let input = FuseInput { trial: name, model: &subject.model, log: &log, base: base.as_ref(), imu, noise };
@@ -429,11 +430,8 @@ impl RobotErrors {
     /// From the report of a recording's motion; none if it was made from markers.
     pub fn load(results: Results<'_>, motion: &Motion) -> Result<Option<Self>, StageFailure> {
         let path = results.place("ik", &motion.trial)?.join("fusion.json");
-        if !path.is_file() {
-            return Ok(None);
-        }
-        let report: FusionReport = read_json(&path)?;
-        Ok(Some(Self(SensorErrors::new(report, motion.rate_hz))))
+        let report: Option<FusionReport> = read_json_if_there(&path)?;
+        Ok(report.map(|report| Self(SensorErrors::new(report, motion.rate_hz))))
     }
 
     /// The motion with the errors of each draw added and subtracted.

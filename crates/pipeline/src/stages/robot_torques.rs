@@ -15,6 +15,7 @@ use aloft_robot::torque::{TorqueEffects, TorqueSource, Torques, needed_of_measur
 use aloft_study::effects::{KnownEffects, ModelEffects};
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::Role;
+use aloft_workspace::disk::is_there;
 use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::{read_json, write_json};
 use nalgebra::DVector;
@@ -152,7 +153,7 @@ pub fn fit_joints(
     let (mut torque, mut noise) = (Vec::new(), Vec::new());
     for name in inputs.trials_with_role("regressor", |role| role == Role::Identify) {
         let folder = inputs.results.place("regressor", &name)?;
-        if folder.join(format!("{TORQUE}.json")).is_file() {
+        if is_there(&folder.join(format!("{TORQUE}.json")))? {
             torque.extend(load_named(&folder, TORQUE)?.into_iter().map(|(_, f)| f));
             noise.extend(read_json::<Vec<Vec<f64>>>(&folder.join(NOISE))?);
         }

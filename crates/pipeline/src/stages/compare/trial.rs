@@ -16,7 +16,7 @@ use aloft_signal::{Butterworth, LowPass};
 use aloft_study::calendar::Calendar;
 use aloft_study::subject_session::Role;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::json::read_json;
+use aloft_workspace::json::read_json_if_there;
 use aloft_workspace::manifest::WHOLE_STUDY;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -106,7 +106,7 @@ impl ComparedTrial {
         let errors = of(&subject, &trial, &self.unfiltered, &options).map_err(|e| StageFailure::new(e.to_string()))?;
         let file = results.place("calibrate", WHOLE_STUDY)?.join(GEOMETRY_ERRORS_FILE);
         // objects, robots and models of files have a geometry that is given
-        let drawn: Vec<GeometryError> = if file.exists() { read_json(&file)? } else { Vec::new() };
+        let drawn: Vec<GeometryError> = read_json_if_there(&file)?.unwrap_or_default();
         let geometries = drawn
             .iter()
             .map(|e| e.applied(&subject).map_err(|e| StageFailure::new(e.to_string())))
