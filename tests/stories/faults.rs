@@ -223,7 +223,8 @@ struct Reference {
     answer: String,
     files: BTreeMap<String, Vec<u8>>,
     changes: usize,
-    readings: usize,
+    /// What is read, in order.
+    read: Vec<String>,
 }
 
 fn reference(bench: &Bench, case: &Case) -> Reference {
@@ -232,15 +233,16 @@ fn reference(bench: &Bench, case: &Case) -> Reference {
     let (ws, out, output) = bench.ended(case, "tried", Some(("count", &log)));
     assert!(output.status.success(), "{:?}: {}", case.words, String::from_utf8_lossy(&output.stderr));
     let counted = fs::read_to_string(&log).unwrap();
-    let of = |kind: &str| counted.lines().filter(|l| l.starts_with(kind)).count();
-    let (changes, readings) = (of("Change"), of("Read"));
+    let changes = counted.lines().filter(|l| l.starts_with("Change")).count();
+    let read = counted.lines().filter(|l| l.starts_with("Read")).map(str::to_owned).collect();
     let files = if case.inside { shown(&ws) } else { outside(&out) };
     fs::remove_dir_all(bench.at("tried")).unwrap();
-    Reference { answer: String::from_utf8_lossy(&output.stdout).into_owned(), files, changes, readings }
+    Reference { answer: String::from_utf8_lossy(&output.stdout).into_owned(), files, changes, read }
 }
 
-/// Fails operations of every case, `per_kind` of each kind, spread over the command.
-fn drive(per_kind: usize, kinds: impl Fn(usize) -> Vec<&'static str>) {
+/// Fails operations of every case, `per_kind` of each kind, spread over the command; and the last
+/// reading of a file with each of the given endings, which is often that of a hash or of a check.
+fn drive(per_kind: usize, kinds: impl Fn(usize) -> Vec<&'static str>, endings: &[&str]) {
     let bench = Bench::new();
     let mut total = Tally::default();
     let only = std::env::var("ALOFT_FAULT_COMMAND").ok();
@@ -249,7 +251,7 @@ fn drive(per_kind: usize, kinds: impl Fn(usize) -> Vec<&'static str>) {
         let known = reference(&bench, case);
         let mut tally = Tally::default();
         for (k, kind) in kinds(c).into_iter().enumerate() {
-            let all = if kind == "read" { known.readings } else { known.changes };
+            let all = if kind == "read" { known.read.len() } else { known.changes };
             let count = per_kind.min(all);
             for i in 0..count {
                 // spread over the command, and not at the same places for each kind
@@ -258,6 +260,9 @@ fn drive(per_kind: usize, kinds: impl Fn(usize) -> Vec<&'static str>) {
                 fail(&bench, case, &format!("{kind}@{at}{lasting}"), &known, &mut tally);
             }
         }
+        for at in endings.iter().filter_map(|end| known.read.iter().rposition(|line| line.ends_with(end))) {
+            fail(&bench, case, &format!("read@{}", at + 1), &known, &mut tally);
+        }
         #[allow(clippy::print_stderr, reason = "says what was measured, under --nocapture")]
         {
             eprintln!(
@@ -265,7 +270,7 @@ fn drive(per_kind: usize, kinds: impl Fn(usize) -> Vec<&'static str>) {
                 case.words.join(" "),
                 case.begins,
                 known.changes,
-                known.readings,
+                known.read.len(),
                 tally.injected,
                 tally.named,
                 tally.same,
@@ -281,7 +286,7 @@ fn drive(per_kind: usize, kinds: impl Fn(usize) -> Vec<&'static str>) {
 #[test]
 fn regress_a_failed_operation_is_named_or_changes_nothing() {
     // one kind for each command
-    drive(1, |c| vec![KINDS[c % KINDS.len()]]);
+    drive(1, |c| vec![KINDS[c % KINDS.len()]], &["manifest.json"]);
 }
 
 /// The full test: `cargo test --release -p aloft-cli --test stories every_kind_of_failure --
@@ -291,5 +296,5 @@ fn regress_a_failed_operation_is_named_or_changes_nothing() {
 #[ignore = "takes many minutes"]
 fn every_kind_of_failure_in_every_command() {
     let places = std::env::var("ALOFT_FAULTS").ok().map_or(12, |n| n.parse().unwrap());
-    drive(places, |_| KINDS.to_vec());
+    drive(places, |_| KINDS.to_vec(), &["manifest.json", "trial.json", "inputs.json", "outputs.json", ".c3d"]);
 }
