@@ -186,6 +186,11 @@ fn fail(bench: &Bench, case: &Case, fault: &str, reference: &Reference, tally: &
         again.status.success() || was_done || was_written,
         "{what}: not usable afterwards\n{fired}{said}\nagain:\n{repeated}"
     );
+    if was_done {
+        // tables that the failure left behind are stale until the next run
+        let run = bench.command(&["run", "P"], &ws, &out).output().unwrap();
+        assert!(run.status.success(), "{what}: {}", String::from_utf8_lossy(&run.stderr));
+    }
     if case.inside {
         let now = shown(&ws);
         let names = |m: &BTreeMap<String, Vec<u8>>| m.keys().cloned().collect::<Vec<_>>();

@@ -78,7 +78,6 @@ fn change_effects(
 ) -> Result<Success, Stop> {
     let set = open_all(args)?;
     let mut trouble = broken(&set);
-    let mut steps = Vec::new();
     for session in &set.members {
         if set.several {
             heading(&session.id)?;
@@ -88,13 +87,15 @@ fn change_effects(
         note(run_end::totals(std::iter::once(&report), report.seconds));
         ladder::change(&history, details)?;
         trouble |= report.has_trouble();
-        let now = session.refreshed()?;
-        steps.push((&session.id, next_step_of(&now, true)?));
     }
     // the tables of the study say what its results say
     let now = open_all(args)?;
     if disk::is_there(&now.workspace.join(outputs::SUMMARY[0]))? {
         summary::summary(&now, &description_of(args))?.write(&now)?;
+    }
+    let mut steps = Vec::new();
+    for session in &set.members {
+        steps.push((&session.id, next_step_of(&session.refreshed()?, true)?));
     }
     match steps.as_slice() {
         [(_, NextStep::Advised(advice))] => note(format!("advice: {advice}")),
