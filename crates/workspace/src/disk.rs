@@ -6,7 +6,7 @@
 
 use crate::error::PipelineError;
 use crate::fault::{Extent, Operation, after_half, before};
-use crate::unfinished::{register, release};
+use crate::unfinished::{begin, release};
 use std::fs::{File, TryLockError};
 use std::io::{Result as IoResult, Write};
 use std::path::{Path, PathBuf};
@@ -192,25 +192,29 @@ pub(crate) struct Owned {
 }
 
 impl Owned {
-    /// Creates and locks a file; `named` gives its name for a token.
+    /// Creates and locks a file, removed if a signal ends the process before its path is released;
+    /// `named` gives its name for a token.
     pub fn create(named: impl Fn(&str) -> PathBuf) -> Result<(Self, String), PipelineError> {
         loop {
             let token = token();
             let path = named(&token);
             change("create", &path)?;
-            let file = File::options()
-                .create_new(true)
-                .read(true)
-                .write(true)
-                .open(&path)
-                .map_err(PipelineError::io("create", &path))?;
+            let new = || File::options().create_new(true).read(true).write(true).open(&path);
+            let file = begin(&path, new).map_err(PipelineError::io("create", &path))?;
             // a process that clears up may have found the file before it was locked; on a file
             // system without locks it is accepted as it is
             let taken = matches!(file.try_lock(), Err(TryLockError::WouldBlock));
-            if !taken && path.is_file() {
-                return Ok((Self { path, file }, token));
+            let own = Self { path, file };
+            if !taken && own.path.is_file() {
+                return Ok((own, token));
             }
         }
+    }
+}
+
+impl Drop for Owned {
+    fn drop(&mut self) {
+        release(&self.path);
     }
 }
 
@@ -250,7 +254,6 @@ impl Temporary {
     pub fn beside(target: &Path) -> Result<Self, PipelineError> {
         let name = target.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let (own, _) = Owned::create(|token| target.with_file_name(format!(".{name}.{token}{NEW}")))?;
-        register(&own.path);
         Ok(Self { own, target: target.to_path_buf(), placed: false })
     }
 
@@ -302,7 +305,6 @@ impl Temporary {
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        release(&self.own.path);
         if !self.placed {
             let _ = std::fs::remove_file(&self.own.path);
         }

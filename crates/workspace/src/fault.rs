@@ -110,7 +110,19 @@ static ENDING: AtomicBool = AtomicBool::new(false);
 /// From now on nothing more is changed through this crate: whoever asks for a change waits for the
 /// end of the process.
 pub(crate) fn hold_changes() {
-    ENDING.store(true, Ordering::Relaxed);
+    ENDING.store(true, Ordering::SeqCst);
+}
+
+/// Returns if changes are still made; otherwise the process removes what it has begun, and ends.
+pub(crate) fn wait_if_held() {
+    while is_held() {
+        std::thread::park();
+    }
+}
+
+/// True once nothing more is changed.
+pub(crate) fn is_held() -> bool {
+    ENDING.load(Ordering::SeqCst)
 }
 
 fn plan() -> Option<&'static Plan> {
@@ -120,11 +132,8 @@ fn plan() -> Option<&'static Plan> {
 
 /// Counts an operation that is about to begin: it goes on, fails, or ends the process.
 pub(crate) fn before(operation: Operation, action: &str, path: &Path) -> Result<Extent> {
-    if operation == Operation::Change && ENDING.load(Ordering::Relaxed) {
-        // the process removes what it has begun, and ends
-        loop {
-            std::thread::park();
-        }
+    if operation == Operation::Change {
+        wait_if_held();
     }
     plan().map_or(Ok(Extent::Whole), |plan| planned(plan, operation, action, path))
 }

@@ -7,9 +7,9 @@
 
 use crate::disk::{self, Owned, abandoned};
 use crate::error::PipelineError;
-use crate::fault::hold_changes;
+use crate::fault::{hold_changes, is_held, wait_if_held};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError, RwLock};
 use std::time::Duration;
 
 /// First part of their names.
@@ -28,12 +28,24 @@ const LOCK: &str = ".lock";
 /// What this process would leave if it ended now.
 static OPEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Adds a file or folder to what [`remove_all`] removes.
-pub(crate) fn register(path: &Path) {
-    OPEN.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_path_buf());
+/// Shared by those who make such a file or folder; whoever removes them all waits for it.
+static MAKING: RwLock<()> = RwLock::new(());
+
+/// Makes a file or folder and adds it to what [`remove_all`] removes, in one step: a signal finds it
+/// either known or not made, and then it is not made any more.
+pub(crate) fn begin<T, E>(path: &Path, make: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
+    loop {
+        wait_if_held();
+        let _making = MAKING.read().unwrap_or_else(PoisonError::into_inner);
+        if !is_held() {
+            let made = make()?;
+            OPEN.lock().unwrap_or_else(PoisonError::into_inner).push(path.to_path_buf());
+            return Ok(made);
+        }
+    }
 }
 
-/// Takes it out again.
+/// Takes it out of what [`remove_all`] removes, once it is gone or has its final name.
 pub(crate) fn release(path: &Path) {
     OPEN.lock().unwrap_or_else(PoisonError::into_inner).retain(|p| p != path);
 }
@@ -42,6 +54,7 @@ pub(crate) fn release(path: &Path) {
 /// Returns what could not be removed.
 pub fn remove_all() -> Vec<PathBuf> {
     hold_changes();
+    drop(MAKING.write().unwrap_or_else(PoisonError::into_inner));
     let open = std::mem::take(&mut *OPEN.lock().unwrap_or_else(PoisonError::into_inner));
     open.into_iter().filter(|path| !is_removed(path)).collect()
 }
@@ -76,9 +89,9 @@ impl Unfinished {
         clear_abandoned(parent);
         let (owner, token) = Owned::create(|token| parent.join(format!("{PREFIX}{token}{LOCK}")))?;
         let folder = Self { path: parent.join(format!("{PREFIX}{token}")), owner };
-        register(&folder.owner.path);
-        register(&folder.path);
-        disk::create_dir_all(&folder.path)?;
+        disk::change("create", &folder.path)?;
+        begin(&folder.path, || std::fs::create_dir_all(&folder.path))
+            .map_err(PipelineError::io("create", &folder.path))?;
         Ok(folder)
     }
 
@@ -107,7 +120,6 @@ impl Drop for Unfinished {
         let _ = std::fs::remove_dir_all(&self.path);
         let _ = std::fs::remove_file(&self.owner.path);
         release(&self.path);
-        release(&self.owner.path);
     }
 }
 
