@@ -44,7 +44,7 @@ pub(super) fn subject(
             format!("run `{}` first", command(session, "run", None)),
         )
     })?;
-    let (links, known, source) = inertias(session, &subject);
+    let (links, known, source) = inertias(session, &subject)?;
     let locked = read_json(&ws.place("scale", WHOLE_STUDY).join("locked.json"))?;
     let mut made = SubjectExport::new(subject, links, source, convention, locked, &program())
         .map_err(|e| PipelineError::request(e.to_string()))?;
@@ -58,7 +58,7 @@ pub(super) fn subject(
 /// The model files of a robot with the comment that says how their inertials were made.
 fn robot_files(session: &SubjectSession, source: &InertiaSource) -> Result<Vec<RobotFile>, PipelineError> {
     let Some(robot) = &session.robot else { return Ok(Vec::new()) };
-    let provenance = provenance(session, source);
+    let provenance = provenance(session, source)?;
     robot
         .files
         .iter()
@@ -84,7 +84,7 @@ fn osim_file(session: &SubjectSession, made: &SubjectExport) -> Result<Option<Os
         model: osim.model.clone(),
         scale: made.subject.facts.mass_kg / tree.mass_kg(),
         tree,
-        provenance: provenance(session, &made.source),
+        provenance: provenance(session, &made.source)?,
     }))
 }
 
@@ -108,9 +108,10 @@ fn file_coordinates(
 }
 
 /// How inertias were identified, for a comment in a model file.
-fn provenance(session: &SubjectSession, source: &InertiaSource) -> String {
+fn provenance(session: &SubjectSession, source: &InertiaSource) -> Result<String, PipelineError> {
     let mut provenance = format!("Inertials identified by {} from motion in flight.\n", program());
-    if let (InertiaSource::Identified { rows, remarks, .. }, Ok(found)) = (source, parameters(session, None)) {
+    if let InertiaSource::Identified { rows, remarks, .. } = source {
+        let found = parameters(session, None)?;
         let p = &found.parameters;
         provenance += &format!(
             "     {} in {} recordings, {rows} rows, total mass {} kg from a scale, prior: the same file.\n     \
@@ -135,15 +136,24 @@ fn provenance(session: &SubjectSession, source: &InertiaSource) -> String {
             );
         }
     }
-    provenance
+    Ok(provenance)
 }
 
 /// Inertias of the links, how well each is known, and where they come from.
-fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, Vec<LinkKnown>, InertiaSource) {
-    let prior = |reason: String| (subject.prior.clone(), Vec::new(), InertiaSource::Prior { reason });
+///
+/// # Errors
+/// Parameters or a comparison are there and cannot be read: those of tables would stand in their
+/// place.
+fn inertias(
+    session: &SubjectSession,
+    subject: &Subject,
+) -> Result<(Vec<LinkInertia>, Vec<LinkKnown>, InertiaSource), PipelineError> {
+    let prior = |reason: String| Ok((subject.prior.clone(), Vec::new(), InertiaSource::Prior { reason }));
     let found = match parameters(session, None) {
         Ok(found) => found,
-        Err(e) => return prior(e.to_string()),
+        // its words say why nothing was identified
+        Err(PipelineError::Request { problem, .. }) => return prior(problem),
+        Err(e) => return Err(e),
     };
     let gate = &found.parameters.gate;
     if !gate.passed {
@@ -152,10 +162,7 @@ fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, V
     if found.parameters.links.len() != subject.model.n_links() {
         return prior("the identification gave base parameters but no links".to_owned());
     }
-    let errors = match compare_if_made(session) {
-        Ok(view) => view.map(|v| v.errors).unwrap_or_default(),
-        Err(e) => return prior(format!("the comparison cannot be read: {e}")),
-    };
+    let errors = compare_if_made(session)?.map(|v| v.errors).unwrap_or_default();
     let in_flight = errors.iter().find(|e| e.judged_on == "flight");
     if let Some((own_n, tables_n)) = in_flight.and_then(|e| Some((e.held_out_error, e.tables_error?)))
         && own_n >= tables_n
@@ -189,7 +196,7 @@ fn inertias(session: &SubjectSession, subject: &Subject) -> (Vec<LinkInertia>, V
         com_m: l.ci95.com_m.map(half_of),
         from: l.from.describe(),
     });
-    (links, known.collect(), InertiaSource::Identified { rows, remarks, from_table })
+    Ok((links, known.collect(), InertiaSource::Identified { rows, remarks, from_table }))
 }
 
 /// Trials to export.
