@@ -15,15 +15,19 @@ use std::sync::OnceLock;
 /// given, or if the program cannot be read.
 ///
 /// # Errors
-/// A manifest is there and cannot be read.
+/// A result is there and cannot be read.
 pub(crate) fn question(session: &SubjectSession, options: &DiscoverOptions) -> Result<Option<String>, PipelineError> {
     let (None, Some(program)) = (options.budget_s, program()) else { return Ok(None) };
     let results = STAGES.iter().flat_map(|stage| stage.tasks(session).into_iter().map(|trial| (stage.name, trial)));
     let results = results_hash(&Workspace::open(&session.workspace), results)?;
     // The model with what its columns are computed from: the way to it is no part of the question,
     // so that a model that comes back has its answer. Sizes of files are read when first asked for.
-    // none: without a question the answer is computed, which names what is wrong
-    let Ok(with) = with_reference(session) else { return Ok(None) };
+    let with = match with_reference(session) {
+        Ok(with) => with,
+        Err(e @ PipelineError::Io { .. }) => return Err(e),
+        // none: without a question the answer is computed, which names what is wrong
+        Err(_) => return Ok(None),
+    };
     let asked = SubjectSession { sizes: FileSizes::default(), ..with };
     let mut hasher = blake3::Hasher::new();
     hasher.update(program.as_bytes()).update(results.as_bytes());
