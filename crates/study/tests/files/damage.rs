@@ -361,7 +361,9 @@ fn damaged_files_give_a_result_or_an_error() {
     let seconds = std::env::var("ALOFT_FUZZ_SECONDS").ok().and_then(|s| s.parse().ok());
     let only = std::env::var("ALOFT_FUZZ_TARGET").ok();
     let mut all = Vec::new();
-    for target in TARGETS.into_iter().filter(|t| only.as_ref().is_none_or(|o| o == t.0)) {
+    let wanted: Vec<Target> = TARGETS.into_iter().filter(|t| only.as_ref().is_none_or(|o| o == t.0)).collect();
+    assert!(!wanted.is_empty(), "no target `{}`", only.unwrap_or_default());
+    for target in wanted {
         let work = std::thread::Builder::new().stack_size(STACK).spawn(move || fuzz(target, seconds)).unwrap();
         let (tried, found) = work.join().unwrap();
         println!("{}: {tried} damaged files, {} findings", target.0, found.len());
