@@ -13,6 +13,7 @@ pub(crate) fn check_capture(scenario: &Scenario) -> Result<(), SimulateError> {
     scenario.expect("capture.analog_per_frame", c.analog_per_frame as f64, 1.0..=50.0, "1 to 50")?;
     scenario.expect("capture.marker_noise_m", c.marker_noise_m, 0.0..=1.0, "0 to 1 m")?;
     scenario.expect("capture.soft_tissue_m", c.soft_tissue_m, 0.0..=0.1, "0 to 0.1 m")?;
+    scenario.expect("capture.soft_cluster_m", c.soft_cluster_m, 0.0..=0.1, "0 to 0.1 m")?;
     scenario.expect("capture.gap_fraction", c.gap_fraction, 0.0..=0.5, "0 to 0.5")?;
     scenario.expect("capture.plate_noise_n", c.plate_noise_n, 0.0..=1e3, "0 to 1000 N")?;
     scenario.expect("capture.plate_drift_n", c.plate_drift_n, 0.0..=1e3, "0 to 1000 N")?;

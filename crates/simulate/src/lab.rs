@@ -162,7 +162,7 @@ fn human(scenario: &Scenario, lab: &HumanLab) -> Result<Lab, SimulateError> {
     let still = plays(HumanTrial::Static)?;
     let q_rest = still.motion.q(still.motion.n_ticks() / 2).to_vec();
     let capture = &scenario.capture;
-    let tissue = SoftTissue::of_person(
+    let mut tissue = SoftTissue::of_person(
         &person.body.model,
         &person.markers,
         capture.soft_tissue_m,
@@ -170,6 +170,8 @@ fn human(scenario: &Scenario, lab: &HumanLab) -> Result<Lab, SimulateError> {
         &scenario.hidden,
         &mut Stream::new(scenario.capture_seed(), "skin"),
     );
+    let mut of_clusters = Stream::new(scenario.capture_seed(), "clusters");
+    tissue.move_clusters(&person.body.model, &person.markers, capture.soft_cluster_m, &mut of_clusters);
     let all = HumanTrial::all(protocol);
     let trials: Vec<LabTrial> = all
         .par_iter()

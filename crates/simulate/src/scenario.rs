@@ -255,6 +255,9 @@ pub struct CaptureSpec {
     /// Soft-tissue artefact of a person's markers, root mean square, m (smooth function of joint
     /// angles).
     pub soft_tissue_m: f64,
+    /// Typical root mean square movement that all markers of a segment have in common, over the
+    /// bone, m: shift and turn, which inverse kinematics follows without a residual.
+    pub soft_cluster_m: f64,
     /// Fraction of marker frames lost in gaps.
     pub gap_fraction: f64,
     /// Shortest and longest gap, frames.
@@ -282,6 +285,7 @@ impl Default for CaptureSpec {
             analog_per_frame: 5,
             marker_noise_m: 0.3e-3,
             soft_tissue_m: 3e-3,
+            soft_cluster_m: 0.0,
             gap_fraction: 2e-3,
             gap_frames: [5, 40],
             plate_noise_n: 1.0,

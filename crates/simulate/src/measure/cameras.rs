@@ -102,6 +102,32 @@ impl SoftTissue {
         Self { shifts, rest }
     }
 
+    /// Adds movements that all markers of a segment have in common: a shift and a turn about their
+    /// middle, each of about `size_m` (root mean square) in motion, with the angles of the
+    /// segment's own joint and of those that hang on it.
+    pub fn move_clusters(&mut self, model: &Model, markers: &[TrueMarker], size_m: f64, rng: &mut Stream) {
+        for link in 0..model.n_links() {
+            let own: Vec<usize> = (0..markers.len()).filter(|m| markers[*m].link == link).collect();
+            let middle = own.iter().map(|m| markers[*m].position_m).sum::<Vector3<f64>>() / own.len().max(1) as f64;
+            let far = own.iter().map(|m| (markers[*m].position_m - middle).norm_squared()).sum::<f64>();
+            let lever_m = (far / own.len().max(1) as f64).sqrt();
+            let joints: Vec<usize> =
+                (1..model.n_links()).filter(|l| *l == link || model.links[*l].parent == Some(link)).collect();
+            // sines of the angles are about 0.4 in motion
+            let size = size_m / (0.4 * (3.0 * joints.len().max(1) as f64).sqrt() * 3f64.sqrt());
+            for joint in joints {
+                let mut draw = || Matrix3::from_columns(&[rng.vector(), rng.vector(), rng.vector()]) * size;
+                // a turn moves places across its axis only: two thirds of the square of their
+                // distance
+                let (shift, turn) = (draw(), draw() * (1.5_f64.sqrt() / lever_m.max(f64::EPSILON)));
+                for &m in &own {
+                    let by_turn = (markers[m].position_m - middle).cross_matrix() * turn;
+                    self.shifts[m].push((joint, if lever_m > 0.0 { shift - by_turn } else { shift }));
+                }
+            }
+        }
+    }
+
     fn shift(&self, marker: usize, model: &Model, q: &[f64]) -> Vector3<f64> {
         let Some(shifts) = self.shifts.get(marker) else { return Vector3::zeros() };
         shifts
