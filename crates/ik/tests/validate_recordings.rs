@@ -79,7 +79,7 @@ fn validate_chain_residuals_are_the_marker_noise() {
         facts: PersonFacts { name: "chain".to_owned(), sex: None, height_m: None, mass_kg: 0.997 },
         markers: markers.collect(),
         prior: vec![LinkInertia { mass_kg: 0.5, com_m: Vector3::zeros(), inertia_com_kgm2: Matrix3::identity() }; 2],
-        prior_sd: vec![PriorSd { mass_rel: 0.1, com_m: 0.1, radius_rel: 0.1 }; 2],
+        prior_sd: vec![PriorSd { mass_rel: 0.1, com_m: 0.1, radius_rel: 0.1, together: 0.0 }; 2],
         static_q: model.neutral(),
         provenance: Vec::new(),
         model,

@@ -1,6 +1,7 @@
 //! Joint estimation of geometry and postures.
 
 use super::CalibrateOptions;
+use super::blocks::{Equations, Spread, parts};
 use super::geometry_error::GeometryError;
 use super::reference::Reference;
 use super::select::FrameId;
@@ -10,12 +11,13 @@ use crate::problem::Problem;
 use crate::tree::NONE;
 use aloft_body::{GeometryEquations, JointKind, Motion, PostureFactor, Subject};
 use aloft_trial::Trial;
-use nalgebra::{DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rayon::prelude::*;
+use std::ops::Range;
 
-/// Frames whose equations are summed in one block; fixed, so that sums do not depend on the number
-/// of threads.
-pub(super) const PIECE: usize = 16;
+/// Frames whose postures are settled together; fixed, so that sums do not depend on the number of
+/// threads.
+const PIECE: usize = 16;
 
 /// Median length of a vector with three independent normal components of standard deviation 1.
 const MEDIAN_LENGTH: f64 = 1.538;
@@ -48,6 +50,14 @@ pub(super) struct Layout {
     pub(super) size: usize,
 }
 
+impl Layout {
+    /// Unknowns of each centre and each axis.
+    fn joints(&self) -> Vec<Range<usize>> {
+        let of = |at: &Vec<usize>, n| at.iter().filter(|a| **a != NONE).map(move |a| *a..a + n).collect::<Vec<_>>();
+        [of(&self.centre, 3), of(&self.axis, 2)].concat()
+    }
+}
+
 /// Posterior standard deviations.
 #[derive(Debug, Clone)]
 pub(crate) struct Uncertainty {
@@ -70,9 +80,13 @@ pub(crate) struct Bundle {
     landmarks: Reference,
     pub(super) present: Reference,
     pub(super) frames: Vec<Frame>,
+    /// Frames of each block ([`super::blocks`]).
+    pub(super) parts: Vec<Range<usize>>,
     pub(super) layout: Layout,
     /// Inverse variance of each unknown's prior.
     pub(super) precision: DVector<f64>,
+    /// How far blocks of frames see the joints from each other.
+    pub(super) spread: Spread,
 }
 
 /// Posture of a frame at its minimum, with coordinates that are not free.
@@ -174,7 +188,10 @@ impl Bundle {
             marker_of,
             landmarks,
             present,
+            // the static posture is the first frame
+            parts: parts(std::iter::once(None).chain(used.iter().map(|id| Some(id.trial)))),
             frames,
+            spread: Spread::none(layout.joints()),
             layout,
             precision,
         };
@@ -187,18 +204,23 @@ impl Bundle {
         self.present.apply(&mut self.standing, &self.marker_of);
     }
 
-    /// Minimises; returns the number of steps.
-    pub fn run(&mut self, options: &CalibrateOptions) -> Result<usize, IkError> {
-        let mut cost = self.settle() + self.prior_cost();
+    /// Minimises, with the spread of the blocks that an earlier round found and then with its own;
+    /// returns the number of steps.
+    pub fn run(&mut self, options: &CalibrateOptions, spread: Option<Spread>) -> Result<usize, IkError> {
+        if let Some(spread) = spread {
+            self.spread = spread;
+        }
+        let steps = self.descend(options)?;
+        let found = self.spread.estimated(&self.blocks(), &self.precision, &self.deviation());
+        self.spread = found.ok_or_else(|| self.failure("the normal equations are not positive definite"))?;
+        Ok(steps + self.descend(options)?)
+    }
+
+    fn descend(&mut self, options: &CalibrateOptions) -> Result<usize, IkError> {
+        let (mut cost, mut matrix, mut gradient) = self.settled()?;
         let mut damping = 0.0;
         let mut steps = 0;
         while steps < options.max_iterations {
-            let (mut matrix, mut gradient) = self.sums().finish();
-            let deviation = self.deviation();
-            for i in 0..self.layout.size {
-                matrix[(i, i)] += self.precision[i];
-                gradient[i] += self.precision[i] * deviation[i];
-            }
             let (frames, present) = (self.frames.clone(), self.present.clone());
             loop {
                 steps += 1;
@@ -211,11 +233,11 @@ impl Bundle {
                 };
                 let step = -factor.solve(&gradient);
                 self.advance(&present, &step);
-                let cost_try = self.settle() + self.prior_cost();
+                let tried = self.settled()?;
                 let gain = -step.dot(&gradient);
-                if cost_try <= cost {
-                    let converged = gain < 1e-4 * (1.0 + cost);
-                    cost = cost_try;
+                if tried.0 <= cost {
+                    let converged = gain < 1e-4 * (1.0 + tried.0.abs());
+                    (cost, matrix, gradient) = tried;
                     damping = if damping < 1e-3 { 0.0 } else { 0.1 * damping };
                     if converged {
                         return Ok(steps);
@@ -225,13 +247,27 @@ impl Bundle {
                 self.frames.clone_from(&frames);
                 self.present = present.clone();
                 self.apply();
-                if steps >= options.max_iterations || gain < 1e-6 * (1.0 + cost) {
+                if steps >= options.max_iterations || gain < 1e-6 * (1.0 + cost.abs()) {
                     return Ok(steps);
                 }
                 damping = f64::max(1e-2, 10.0 * damping);
             }
         }
         Ok(steps)
+    }
+
+    /// Minimises the postures; cost, normal matrix and gradient of the geometry.
+    fn settled(&mut self) -> Result<(f64, DMatrix<f64>, DVector<f64>), IkError> {
+        let cost = self.settle() + self.prior_cost();
+        let found = self.spread.together(&self.blocks());
+        let ((mut matrix, mut gradient), less) =
+            found.ok_or_else(|| self.failure("the normal equations are not finite"))?;
+        let deviation = self.deviation();
+        for i in 0..self.layout.size {
+            matrix[(i, i)] += self.precision[i];
+            gradient[i] += self.precision[i] * deviation[i];
+        }
+        Ok((cost - less, matrix, gradient))
     }
 
     fn failure(&self, problem: &'static str) -> IkError {
@@ -259,24 +295,17 @@ impl Bundle {
         costs.iter().sum()
     }
 
-    /// Normal equations of the geometry, each frame's posture eliminated.
-    fn sums(&self) -> GeometryEquations {
-        let empty = || GeometryEquations::new(self.layout.size, self.moving.tree.nv);
-        let pieces: Vec<GeometryEquations> = self
-            .frames
-            .par_chunks(PIECE)
-            .map(|piece| {
-                let mut sums = empty();
-                let mut scratch = Scratch::new(self);
-                for frame in piece {
-                    self.add_frame(frame, &mut scratch, &mut sums);
-                }
-                sums
-            })
-            .collect();
-        let mut total = empty();
-        pieces.iter().for_each(|piece| total.merge(piece));
-        total
+    /// Normal equations of the geometry of each block, each frame's posture eliminated.
+    fn blocks(&self) -> Vec<Equations> {
+        let of = |piece: &[Frame]| {
+            let mut sums = GeometryEquations::new(self.layout.size, self.moving.tree.nv);
+            let mut scratch = Scratch::new(self);
+            for frame in piece {
+                self.add_frame(frame, &mut scratch, &mut sums);
+            }
+            sums.finish()
+        };
+        self.parts.par_iter().map(|part| of(&self.frames[part.clone()])).collect()
     }
 
     /// The equations of a frame's posture, and in `scratch` the rotation of each link since the
@@ -398,15 +427,15 @@ impl Bundle {
     /// The calibrated subject, the uncertainty of its geometry, and draws of its errors. `like` is
     ///  the subject at the start of this round.
     pub fn finish(&self, like: &Subject) -> Result<(Subject, Uncertainty, Vec<GeometryError>), IkError> {
-        let (mut matrix, _) = self.sums().finish();
+        let singular = || self.failure("the normal equations are not positive definite");
+        let blocks = self.blocks();
+        let ((mut matrix, _), _) = self.spread.together(&blocks).ok_or_else(singular)?;
         for i in 0..self.layout.size {
             matrix[(i, i)] += self.precision[i];
         }
-        let Some(factor) = matrix.cholesky() else {
-            return Err(self.failure("the normal equations are not positive definite"));
-        };
+        let factor = matrix.cholesky().ok_or_else(singular)?;
         let variance = factor.inverse().diagonal();
-        let errors = self.errors(like, &factor);
+        let errors = self.errors(like, &blocks, &factor).ok_or_else(singular)?;
         let root_mean = |at: usize, n: usize| {
             if at == NONE { f64::NAN } else { ((at..at + n).map(|i| variance[i]).sum::<f64>() / n as f64).sqrt() }
         };

@@ -1,34 +1,44 @@
 //! What errors of the markers do to a calibrated geometry.
 
-use super::bundle::{Bundle, Frame, PIECE, Scratch, Settled, perpendicular};
+use super::blocks::Equations;
+use super::bundle::{Bundle, Frame, Scratch, Settled, perpendicular};
 use super::geometry_error::{DRAWS, GeometryError, generator};
 use crate::frame::Solver;
 use crate::marker_errors::{ERROR_SEED, SPEAKS, donors, kept_shares, sizes, turned_donor};
 use crate::tree::NONE;
 use aloft_body::{GeometryEquations, Motion, Subject};
-use nalgebra::{Cholesky, DVector, Dyn, Matrix3, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// For each marker of one draw: the marker whose residual it takes, and its rotation and scale.
 type Turned = Vec<Option<(usize, Matrix3<f64>)>>;
 
 impl Bundle {
     /// Draws of what may be wrong with this geometry: the linear response of the estimate to errors
-    /// of the markers, drawn as those of a motion ([`crate::MarkerErrors`]), and to a prior that is
-    /// wrong by its own covariance. `factor` is that of the normal equations.
+    /// of the markers, drawn as those of a motion ([`crate::MarkerErrors`]), to joints that each
+    /// block sees elsewhere, and to a prior that is wrong by its own covariance. `factor` is that
+    /// of the normal equations; `None` where those of a block are not finite.
     ///
     /// The inverse of the normal matrix would not do: the weight of a frame stands for errors that
     /// are alike in all frames, and an error that follows the posture moves the geometry without a
     /// trace in the residuals.
-    pub fn errors(&self, like: &Subject, factor: &Cholesky<f64, Dyn>) -> Vec<GeometryError> {
-        let error = |(k, gradient): (usize, DVector<f64>)| {
+    pub fn errors(
+        &self,
+        like: &Subject,
+        blocks: &[Equations],
+        factor: &Cholesky<f64, Dyn>,
+    ) -> Option<Vec<GeometryError>> {
+        let mut rng = generator(DRAWS);
+        let drawn = self.spread.drawn(blocks, &self.drawn_gradients(), || StandardNormal.sample(&mut rng))?;
+        let error = |k: usize| {
             let mut rng = generator(k);
             let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
             let prior = self.precision.map(|p| p.sqrt() * normal());
-            self.as_error(like, &factor.solve(&(gradient + prior)))
+            self.as_error(like, &factor.solve(&(drawn.column(k) + prior)))
         };
-        self.drawn_gradients().into_iter().enumerate().map(error).collect()
+        Some((0..DRAWS).map(error).collect())
     }
 
     fn as_error(&self, like: &Subject, step: &DVector<f64>) -> GeometryError {
@@ -50,14 +60,16 @@ impl Bundle {
         out
     }
 
-    /// Gradient of the cost by the geometry, postures eliminated, for each draw of the markers'
-    /// errors in the moving frames.
-    fn drawn_gradients(&self) -> Vec<DVector<f64>> {
+    /// Gradient of each block's cost by the geometry, postures eliminated: one column for each draw
+    /// of the markers' errors in the moving frames.
+    fn drawn_gradients(&self) -> Vec<DMatrix<f64>> {
         let n = self.moving.markers.len();
-        let zero = || vec![DVector::zeros(self.layout.size); DRAWS];
         let moving: Vec<&Frame> = self.frames.iter().filter(|f| !f.is_static).collect();
         // residuals in the axes of their links
-        let residual = |frame: &&Frame| -> Vec<Option<Vector3<f64>>> {
+        let residual = |frame: &Frame| -> Vec<Option<Vector3<f64>>> {
+            if frame.is_static {
+                return vec![None; n];
+            }
             let mut solver = Solver::new(&self.moving);
             solver.targets.copy_from_slice(&frame.targets);
             solver.look();
@@ -69,7 +81,7 @@ impl Bundle {
             }
             out
         };
-        let residuals: Vec<Vec<Option<Vector3<f64>>>> = moving.par_iter().map(residual).collect();
+        let residuals: Vec<Vec<Option<Vector3<f64>>>> = self.frames.par_iter().map(residual).collect();
         let seen: Vec<f64> = (0..n)
             .map(|k| {
                 let own = residuals.iter().filter_map(|r| r[k]);
@@ -97,22 +109,15 @@ impl Bundle {
                 (0..n).map(of).collect()
             })
             .collect();
-        let pieces: Vec<Vec<DVector<f64>>> = moving
-            .par_chunks(PIECE)
-            .zip(residuals.par_chunks(PIECE))
-            .map(|(frames, residuals)| {
-                let (mut scratch, mut sums) = (Scratch::new(self), zero());
-                for (frame, residual) in frames.iter().zip(residuals) {
-                    self.add_drawn(frame, residual, &turned, &mut scratch, &mut sums);
-                }
-                sums
-            })
-            .collect();
-        let mut total = zero();
-        for piece in pieces {
-            total.iter_mut().zip(piece).for_each(|(t, p)| *t += p);
-        }
-        total
+        let of = |part: &Range<usize>| {
+            let (frames, residuals) = (&self.frames[part.clone()], &residuals[part.clone()]);
+            let (mut scratch, mut sums) = (Scratch::new(self), vec![DVector::zeros(self.layout.size); DRAWS]);
+            for (frame, residual) in frames.iter().zip(residuals).filter(|(frame, _)| !frame.is_static) {
+                self.add_drawn(frame, residual, &turned, &mut scratch, &mut sums);
+            }
+            DMatrix::from_columns(&sums)
+        };
+        self.parts.par_iter().map(of).collect()
     }
 
     /// Adds the gradients of one frame, one for each draw.

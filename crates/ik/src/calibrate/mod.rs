@@ -6,7 +6,8 @@
 //! posture, directions of hinge axes, and the posture of every frame. Postures are eliminated frame
 //! by frame (variable projection: each is minimised for the present geometry, and its block is
 //! removed from the normal equations by a Schur complement), which leaves one dense system of about
-//! 150 unknowns.
+//! 150 unknowns. Blocks of frames that contradict each other about a joint take weight off what
+//! they say about it ([`blocks`]).
 //!
 //! Geometry is stored as *positions in the static posture* ([`reference`]), so the prior of each
 //! position depends on its landmarks only, whether or not neighbouring positions move. Directions
@@ -18,6 +19,7 @@
 //! prior is transformed so that it stays in place in the static posture; to apply anthropometry to
 //! the new segment lengths, call `aloft_scale::attach_prior` afterwards.
 
+mod blocks;
 mod bundle;
 mod clip;
 mod drawn;
@@ -88,15 +90,16 @@ pub fn calibrate_clips(subject: &Subject, clips: &[Clip], options: &CalibrateOpt
     let start = Reference::of(subject)?;
     let mut present = subject.clone();
     let mut report = CalibrationReport::start(&chosen, &tracked);
-    let mut errors = Vec::new();
+    let (mut errors, mut spread) = (Vec::new(), None);
     for round in 0..options.rounds {
         let trials: Vec<&Trial> = tracked.iter().map(|t| &t.trial).collect();
         let motions: Vec<&Motion> = tracked.iter().map(|t| &t.result.motion).collect();
         let problem = Problem::new(&present, &options.ik)?;
         let reference = Reference::of(&present)?;
         let mut bundle = Bundle::new(&present, problem, &start, reference, &chosen.used, &trials, &motions, options);
-        report.iterations += bundle.run(options)?;
+        report.iterations += bundle.run(options, spread)?;
         let (calibrated, uncertainty, drawn) = bundle.finish(&present)?;
+        spread = Some(bundle.spread);
         (present, errors) = (calibrated, drawn);
         tracked.par_iter_mut().try_for_each(|t| t.track_again(&present, &options.ik))?;
         if round + 1 == options.rounds {

@@ -23,7 +23,7 @@ fn subject(name: &str, spec: &ModelSpec, markers: Vec<ModelMarker>) -> Subject {
         facts: PersonFacts { name: name.to_owned(), sex: None, height_m: None, mass_kg: n as f64 },
         markers,
         prior: vec![inertia; n],
-        prior_sd: vec![PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1 }; n],
+        prior_sd: vec![PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1, together: 0.0 }; n],
         static_q,
         provenance: Vec::new(),
         model,

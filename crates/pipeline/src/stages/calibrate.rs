@@ -5,6 +5,7 @@
 //! them back: their markers would shape the geometry that they are meant to judge.
 
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
+use crate::results::Results;
 use crate::stages::object::may_teach;
 use crate::stages::shared::save_subject;
 use aloft_body::Subject;
@@ -16,7 +17,7 @@ use aloft_study::osim::OsimSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
 use aloft_workspace::artifact::trial_length;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::json::{from_value, read_json, write_json};
+use aloft_workspace::json::{from_value, read_json, read_json_if_there, write_json};
 use aloft_workspace::manifest::WHOLE_STUDY;
 use rayon::prelude::*;
 use serde::Serialize;
@@ -24,7 +25,7 @@ use serde::Serialize;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "calibrate",
-    version: 6,
+    version: 8,
     scope: Scope::Session,
     seconds: 1.5,
     reads: "dynamic trials that are not held out, `Subject`",
@@ -127,13 +128,13 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let keep = config.enabled == Switch::On || r.held_out_rms_after_m < r.held_out_rms_before_m;
     done.note("used", keep);
     write_json(&inputs.out.join("report.json"), r)?;
-    for joint in r.joints.iter().filter(|j| keep && j.moved_m > FAR_M) {
+    for joint in r.joints.iter().filter(|j| keep && j.moved_m > FAR_IN_SD * options.joint_sd(&j.link)) {
         done.warnings.push(format!(
-            "the joint of {} moved by {:.0} mm from its landmarks (± {:.0} mm): look for labels on wrong markers, or set \
-             `calibrate: {{enabled: off}}`",
+            "the joint of {} moved by {:.0} mm from its landmarks, which are good to {:.0} mm: look for labels on wrong \
+             markers, or set `calibrate: {{enabled: off}}`",
             joint.link,
             1e3 * joint.moved_m,
-            1e3 * joint.sd_m
+            1e3 * options.joint_sd(&joint.link)
         ));
     }
     let (chosen, errors) = if keep {
@@ -154,7 +155,17 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
 }
 
 /// File of the draws of what may be wrong with the geometry ([`GeometryError`]).
-pub const GEOMETRY_ERRORS_FILE: &str = "geometry_errors.json";
+const GEOMETRY_ERRORS_FILE: &str = "geometry_errors.json";
+
+/// Draws of what may be wrong with the geometry; none for objects, robots and models of files,
+/// whose geometry is given.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn geometry_errors(results: Results<'_>) -> Result<Vec<GeometryError>, StageFailure> {
+    let file = results.place("calibrate", WHOLE_STUDY)?.join(GEOMETRY_ERRORS_FILE);
+    Ok(read_json_if_there(&file)?.unwrap_or_default())
+}
 
 fn save_geometry(inputs: &StageInputs<'_>, subject: &Subject, errors: &[GeometryError]) -> Result<(), StageFailure> {
     write_json(&inputs.out.join(GEOMETRY_ERRORS_FILE), &errors)?;
@@ -165,8 +176,9 @@ fn from_landmarks(subject: &Subject, options: &CalibrateOptions) -> Result<Vec<G
     GeometryError::of_landmarks(subject, options).map_err(|e| StageFailure::new(e.to_string()))
 }
 
-/// Distance from the landmarks above which a calibrated joint centre deserves a warning, m.
-const FAR_M: f64 = 0.08;
+/// Distance from the landmarks, in their standard deviations, above which a calibrated joint centre
+/// is named: chance puts one centre in thirty there.
+const FAR_IN_SD: f64 = 3.0;
 
 /// Each thread reads one trial after the other and keeps only the frames that take part.
 fn calibrate_over(
