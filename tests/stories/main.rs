@@ -30,6 +30,7 @@ mod one_stage_again;
 mod osim;
 mod own_effect;
 mod part_of_a_body;
+mod people_coverage;
 mod plates_of_others;
 mod promises;
 mod ready_made;

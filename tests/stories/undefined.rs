@@ -10,7 +10,7 @@ use aloft_discover::Discovery;
 use aloft_flight::{Coverage, FlightReport, ImpulseMass, PlateDelay, PlateTare};
 use aloft_identify::Parameters;
 use aloft_ik::{CalibrationReport, GeometryError, LabelExchange, Segments};
-use aloft_pipeline::factors::{load_factors, load_named, load_slides};
+use aloft_pipeline::factors::{load_factors, load_named, load_repeated};
 use aloft_pipeline::stages::compare::StoredFloor;
 use aloft_pipeline::stages::import::ImportRecord;
 use aloft_robot::FusionReport;
@@ -88,7 +88,7 @@ fn read(place: &str, path: &Path) -> Read {
         (_, "torque_noise.json") => same::<Vec<Vec<f64>>>(path),
         (_, "segments.json") => same::<Segments>(path),
         (_, "factors.json") => beside(path, load_factors),
-        (_, "slides.json") => beside(path, load_slides),
+        (_, "repeated.json") => beside(path, load_repeated),
         (_, "torque_factors.json") => beside(path, |dir| load_named(dir, "torque_factors")),
         // without fractions, or read as any JSON
         (

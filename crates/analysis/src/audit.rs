@@ -214,7 +214,7 @@ fn subject_of(osim: &OsimModel) -> Subject {
         facts: PersonFacts { name: osim.name.clone(), sex: None, height_m: None, mass_kg: osim.mass_kg() },
         markers: markers.collect(),
         prior: osim.inertias.clone(),
-        prior_sd: vec![PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1 }; osim.inertias.len()],
+        prior_sd: vec![PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1, together: 0.0 }; osim.inertias.len()],
         static_q: osim.model.neutral(),
         provenance: Vec::new(),
         model: osim.model.clone(),

@@ -128,6 +128,21 @@ pub struct PriorSd {
     pub com_m: f64,
     /// Relative standard deviation of the radii of gyration.
     pub radius_rel: f64,
+    /// Correlation of the errors of the radii, within a link and between links: a description that
+    /// has its links too large has all of them too large. 0 for tables of people.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub together: f64,
+}
+
+impl PriorSd {
+    /// Correlation of the errors of radii in the description of an object or a robot: drawing, file
+    /// or outline are about as wrong in size, which their makers' assumptions on density and on
+    /// parts left out share, as they are in shape.
+    pub const DESCRIBED: f64 = 0.5;
+}
+
+fn is_zero(x: &f64) -> bool {
+    *x == 0.0
 }
 
 impl Subject {

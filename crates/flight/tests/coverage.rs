@@ -49,7 +49,7 @@ fn body() -> Subject {
         facts: PersonFacts { name: "slider".into(), sex: None, height_m: None, mass_kg: MASS_KG },
         markers,
         prior: vec![inertia(MASS_KG - 2.0), inertia(1.0), inertia(1.0)],
-        prior_sd: vec![PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1 }; 3],
+        prior_sd: vec![PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1, together: 0.0 }; 3],
         static_q: model.neutral(),
         provenance: Vec::new(),
         model,

@@ -13,7 +13,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 fn estimate(c: &mut Criterion) {
     let truth = common::load("subject_a");
     let links: Vec<LinkInertia> = truth.phi.iter().map(LinkInertia::from_phi).collect();
-    let sd = vec![PriorSd { mass_rel: 0.12, com_m: 0.02, radius_rel: 0.15 }; links.len()];
+    let sd = vec![PriorSd { mass_rel: 0.12, com_m: 0.02, radius_rel: 0.15, together: 0.0 }; links.len()];
     let Ok(prior) = LinkPrior::new(&links, &sd, None) else { return };
     let options = WeakOptions { window_s: Some(0.25), ..WeakOptions::default() };
     let factors: Vec<Factor> = (0..7)

@@ -4,20 +4,21 @@
 use crate::alike::alike;
 use crate::clusters::{Clusters, Correction, choose_weight, merge_groups};
 use crate::gate::{determination, judge};
-use crate::interval::{half_of, interval95};
-use crate::links::{LinkSd, gradient, link_with_sd};
-use crate::noise_metric::{InNoise, NoiseMetric, NoiseUnits, Size};
+use crate::interval::{half_of, interval95, not_negative};
+use crate::links::{ConsistentLinks, LinkSd, gradient, link_with_sd};
+use crate::noise_metric::{InNoise, NoiseMetric, NoiseUnits};
 use crate::null_vector::sigma_of;
 use crate::parameters::LinkIntervals;
+use crate::prior::covariance_root;
 use crate::system::System;
-use crate::uncertainty::{Tissue, Uncertainty, Variance, deviations};
+use crate::uncertainty::{Repeating, Uncertainty, Variance, deviations};
 use crate::{
     BaseEstimate, ClusterBy, ColumnScaling, Determination, EffectEstimate, Estimator, GateLimits, Identification,
     IdentifyError, Information, LinkEstimate, LinkOptions, LinkOrigin, LinkPrior, Origin, Parameters, Prior, Sigma,
     Visible, advice, balanced, consistent_links, information, null_vector,
 };
 use aloft_body::{BaseParameters, Model, Phi};
-use aloft_regressor::{Factor, Slides, StretchKind, leave_group_out};
+use aloft_regressor::{Factor, RepeatedErrors, StretchKind, leave_group_out};
 use nalgebra::{DMatrix, DVector, SMatrix};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -25,6 +26,10 @@ use std::collections::BTreeMap;
 /// Cosine from which on a change counts as parallel to the values themselves: their ratios stay
 /// within some five percent while they change by a third.
 const PARALLEL: f64 = 0.99;
+
+/// Number of times that the linear map of the prior is taken at the links found: a rigid body whose
+/// size only the table gives changes by less than 1 % of its interval from the second to the third.
+const ROUNDS: usize = 2;
 
 /// Options of an identification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -36,7 +41,7 @@ pub struct IdentifyOptions {
     pub cluster: ClusterBy,
     /// Correlation ρ of the error between clusters, 0 to 1, for errors that repeat from flight to
     /// flight and are not modelled: variances grow by 1 + (clusters − 1) ρ. Zero by default,
-    /// because soft tissue has a model of its own ([`identify_with_slides`]).
+    /// because soft tissue has a model of its own ([`identify_with_errors`]).
     pub flight_error_correlation: f64,
     /// Number of bootstrap draws (0 for none). Intervals do not depend on them.
     pub bootstrap: usize,
@@ -44,8 +49,8 @@ pub struct IdentifyOptions {
     pub seed: u64,
     /// Weights of the prior that are tried if none is given.
     pub weights: Vec<f64>,
-    /// Weight of the divergence that keeps links consistent.
-    pub divergence_weight: f64,
+    /// Weight of what keeps the mass of links inside their boxes.
+    pub box_weight: f64,
     /// Limits of the gate.
     pub gate: GateLimits,
     /// Factors of the standard errors of effect coefficients, by column: how much they grow because
@@ -68,7 +73,7 @@ impl Default for IdentifyOptions {
             bootstrap: 0,
             seed: 1,
             weights: vec![1.0, 3.0, 10.0],
-            divergence_weight: 0.3,
+            box_weight: 0.3,
             gate: GateLimits::default(),
             widening: BTreeMap::new(),
             turning_over: false,
@@ -94,7 +99,7 @@ pub fn identify(
     prior: Option<&LinkPrior>,
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
-    identify_with_slides(model, base, factors, None, &[], mass_kg, prior, options)
+    identify_with_errors(model, base, factors, None, &[], mass_kg, prior, options)
 }
 
 /// As [`identify`], with the flights among `factors` already merged, for example by many machines
@@ -112,32 +117,27 @@ pub fn identify_merged(
     prior: Option<&LinkPrior>,
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
-    identify_with_slides(model, base, factors, flights, &[], mass_kg, prior, options)
+    identify_with_errors(model, base, factors, flights, &[], mass_kg, prior, options)
 }
 
-/// As [`identify_merged`], with the effect of soft tissue on each factor's rows
-/// ([`aloft_regressor::weak_factor_with_tissue`]), in the same order. Estimates do not depend on
-/// it; their intervals include errors that repeat from flight to flight.
+/// As [`identify_merged`], with what errors of the markers and the geometry do to each factor's
+/// rows ([`aloft_regressor::weak_factor_with_repeated`]), in the same order. Estimates do not
+/// depend on it; their intervals include errors that repeat from flight to flight.
 ///
 /// # Errors
-/// As [`identify`], and [`IdentifyError::Length`] if the number of slides differs from that of
-/// factors.
-pub fn identify_with_slides(
+/// As [`identify`], and [`IdentifyError::Length`] if `errors` has another length than `factors`.
+pub fn identify_with_errors(
     model: &Model,
     base: &BaseParameters,
     factors: &[Factor],
     flights: Option<&Factor>,
-    slides: &[Slides],
+    errors: &[RepeatedErrors],
     mass_kg: f64,
     prior: Option<&LinkPrior>,
     options: &IdentifyOptions,
 ) -> Result<Identification, IdentifyError> {
-    if !slides.is_empty() && slides.len() != factors.len() {
-        return Err(IdentifyError::Length {
-            what: "slides of soft tissue",
-            expected: factors.len(),
-            found: slides.len(),
-        });
+    if !errors.is_empty() && errors.len() != factors.len() {
+        return Err(IdentifyError::Length { what: "errors that repeat", expected: factors.len(), found: errors.len() });
     }
     let base_prior = prior.map(|p| p.base(base)).transpose()?;
     // coefficients that the rows do not determine are excluded from every elimination
@@ -149,7 +149,7 @@ pub fn identify_with_slides(
     let reduced = visible.reduce_all(factors)?;
     let factors = reduced.as_slice();
     let flights = flights.map(|f| visible.reduce(f)).transpose()?;
-    let slides: Vec<Slides> = slides.iter().map(|s| visible.reduce_slides(s)).collect();
+    let errors: Vec<RepeatedErrors> = errors.iter().map(|s| visible.reduce_errors(s)).collect();
     let (factors, balance) = match options.estimator {
         // a null vector exists only without external forces: contact, whose rows have a right-hand
         // side, is left out
@@ -161,7 +161,12 @@ pub fn identify_with_slides(
     };
     let factors = factors.as_slice();
     let (groups, cluster_names) = options.cluster.groups(factors);
-    let tissue = Tissue::of(factors, &slides, &groups, balance.as_ref().map_or(1.0, |b| b.contact_weight));
+    let contact_weight = balance.as_ref().map_or(1.0, |b| b.contact_weight);
+    let repeating = match options.estimator {
+        // its errors are those of resampled flights
+        Estimator::NullVector(_) => None,
+        _ => Repeating::of(factors, &errors, &groups, contact_weight)?,
+    };
     // the merged factor must have as many rows as the factors
     let rows: usize = factors.iter().map(|f| f.n_rows).sum();
     let alone = factors.iter().all(|f| f.kind != StretchKind::Contact);
@@ -182,19 +187,29 @@ pub fn identify_with_slides(
     let mut used = merged.clone();
     let fit = match options.estimator {
         Estimator::NoiseMetric => {
-            let prepared = base_prior.as_ref().map(|p| p.prepared(mass_kg)).transpose()?;
-            let found = NoiseMetric::of(&merged)?.estimate(mass_kg, prepared.as_ref(), 1.0)?;
-            used = found.of_links.clone();
-            noise_units = Some(found.units.clone());
-            let held = match (&found.size, &base_prior) {
-                (Some(size), Some(prior)) => Some(prior.freed(&size.part)),
-                _ => base_prior.clone(),
+            let metric = NoiseMetric::of(&merged)?;
+            let estimate = |of: Option<&Prior>| {
+                metric.estimate(mass_kg, of.map(|p| p.prepared(mass_kg)).transpose()?.as_ref(), 1.0)
             };
+            let mut found = estimate(base_prior.as_ref())?;
+            // the prior with the linear map that the estimate uses: where it decides, at the links
+            // found, in whose shape the size is the table's
+            let mut held = base_prior.clone();
+            let rounds = if found.units.undetermined > 0 { ROUNDS } else { 0 };
+            for prior in std::iter::repeat_n(prior, rounds).flatten() {
+                let weights = link_options(found.row_variance, 1.0, options);
+                let links = consistent_links(&found.rows, base, mass_kg, prior, &weights)?;
+                let at = Prior::of_links(base, &links.prior_mean, &links.prior_covariance);
+                found = estimate(Some(&at))?;
+                held = Some(at);
+            }
+            used = found.rows.clone();
+            noise_units = Some(found.units.clone());
             Fit::in_noise_metric(&clusters, found, mass_kg, held.as_ref(), options)?
         }
         Estimator::NullVector(scaling) => Fit::null_vector(factors, &groups, &merged, mass_kg, scaling)?,
         Estimator::MassConstrained => {
-            Fit::least_squares(&clusters, &merged, mass_kg, None, 0.0, Vec::new(), tissue.as_ref(), options)?
+            Fit::least_squares(&clusters, &merged, mass_kg, None, 0.0, Vec::new(), repeating.as_ref(), options)?
         }
         Estimator::Regularised { weight } => {
             let prior = base_prior.as_ref().ok_or_else(|| IdentifyError::Option {
@@ -207,22 +222,19 @@ pub fn identify_with_slides(
                 None if clusters.len() < 2 => (options.weights.iter().copied().fold(1.0, f64::max), Vec::new()),
                 None => choose_weight(&clusters, &merged, mass_kg, prior, &options.weights)?,
             };
-            Fit::least_squares(&clusters, &merged, mass_kg, Some(prior), lambda, tried, tissue.as_ref(), options)?
+            Fit::least_squares(&clusters, &merged, mass_kg, Some(prior), lambda, tried, repeating.as_ref(), options)?
         }
     };
     let rows = merged.rows;
     let sigma = flight_sigma(factors)?;
-    let unseen_sd = fit.unseen_sd(base_prior.as_ref(), mass_kg)?;
-    let freed = match (prior, &fit.size) {
-        (Some(prior), Some(size)) => Some(prior.freed(base, &size.part)?),
-        _ => None,
-    };
+    let unseen = fit.unseen()?;
+    let unseen_sd: Vec<f64> = unseen.row_iter().map(|row| row.norm()).collect();
     let base_estimates = fit.base_estimates(base, base_prior.as_ref(), mass_kg, &unseen_sd);
     if let (Some(units), Some(prior)) = (&mut noise_units, &base_prior) {
-        fit.name_undetermined(units, &base_estimates, prior, &unseen_sd);
+        fit.name_undetermined(units, &base_estimates, prior, &unseen);
     }
     let links = match prior {
-        Some(prior) => fit.links(model, base, &used, mass_kg, prior, freed.as_ref(), options)?,
+        Some(prior) => fit.links(model, base, &used, mass_kg, prior, &unseen, options)?,
         None => Vec::new(),
     };
     let named: Vec<(String, Determination)> =
@@ -305,18 +317,16 @@ struct Fit {
     freedom: Vec<f64>,
     /// Sources of the variances; none for the null vector, which has only a jackknife.
     uncertainty: Option<Uncertainty>,
-    /// Size of the soft tissue slides included in the variances, m/rad.
-    tissue: Option<f64>,
+    /// True if the variances hold errors that repeat over a session.
+    repeats: bool,
     row_sd: f64,
     prior_weight: f64,
     tried: Vec<crate::WeightTrial>,
     deficient: usize,
     /// True for base parameters that neither rows nor prior determine.
     undetermined: Vec<bool>,
-    /// Changes of the unknowns at the level of the noise, m × d: the prior holds them.
+    /// Rows at the level of the noise that were taken out, d × m: the prior holds what they see.
     held_by_prior: DMatrix<f64>,
-    /// A size among them that the table gives.
-    size: Option<Size>,
     draws: Vec<DVector<f64>>,
     robust: bool,
 }
@@ -361,14 +371,13 @@ impl Fit {
             covariance,
             freedom: vec![left.len().saturating_sub(1) as f64; p],
             uncertainty: None,
-            tissue: None,
+            repeats: false,
             row_sd: row_variance.sqrt(),
             prior_weight: 0.0,
             tried: Vec::new(),
             deficient: 0,
             undetermined: vec![false; p],
-            held_by_prior: DMatrix::zeros(p - 1, 0),
-            size: None,
+            held_by_prior: DMatrix::zeros(0, p - 1),
             draws: Vec::new(),
             robust: left.len() >= 2,
         })
@@ -381,7 +390,7 @@ impl Fit {
         prior: Option<&Prior>,
         lambda: f64,
         tried: Vec<crate::WeightTrial>,
-        tissue: Option<&Tissue>,
+        repeating: Option<&Repeating>,
         options: &IdentifyOptions,
     ) -> Result<Self, IdentifyError> {
         let system = System::new(merged, mass_kg, prior)?;
@@ -409,7 +418,7 @@ impl Fit {
             weight,
             repeats,
             solution.deficient == 0,
-            tissue,
+            repeating,
         );
         let (covariance, freedom) = uncertainty.estimates();
         Ok(Self {
@@ -419,14 +428,13 @@ impl Fit {
             freedom,
             robust: uncertainty.is_robust(),
             uncertainty: Some(uncertainty),
-            tissue: tissue.map(|t| t.size),
+            repeats: repeating.is_some(),
             row_sd: row_variance.sqrt(),
             prior_weight: lambda,
             tried,
             deficient: solution.deficient,
             undetermined: system.undetermined(weight),
             held_by_prior: DMatrix::zeros(0, 0),
-            size: None,
             draws,
         })
     }
@@ -441,7 +449,7 @@ impl Fit {
         options: &IdentifyOptions,
     ) -> Result<Self, IdentifyError> {
         let lambda = if prior.is_some() { 1.0 } else { 0.0 };
-        let InNoise { rows, excess, undetermined, determined, row_variance, system, solution, size, .. } = found;
+        let InNoise { rows, excess, undetermined, determined, row_variance, system, solution, .. } = found;
         let weight = lambda * row_variance;
         let correction = Correction { excess, determined: &determined };
         let resampled = Clusters::corrected(clusters, &rows, mass_kg, prior, weight, &solution.x, Some(correction))?;
@@ -464,50 +472,28 @@ impl Fit {
             freedom,
             robust: uncertainty.is_robust(),
             uncertainty: Some(uncertainty),
-            tissue: None,
+            repeats: false,
             row_sd: row_variance.sqrt(),
             prior_weight: lambda,
             tried: Vec::new(),
             held_by_prior: undetermined,
-            size,
             draws,
         })
     }
 
-    /// Standard deviation of each base parameter, the mass first, along the directions that the
-    /// prior alone holds, all others known.
-    fn unseen_sd(&self, prior: Option<&Prior>, mass_kg: f64) -> Result<Vec<f64>, IdentifyError> {
-        let p = self.n_parameters;
-        let changes = &self.held_by_prior;
-        let mut out = vec![0.0; p];
-        let Some(prior) = prior.filter(|_| changes.ncols() > 0) else { return Ok(out) };
-        let mut changes = changes.rows(0, p - 1).into_owned();
-        changes.column_iter_mut().for_each(|mut c| {
-            c.try_normalize_mut(0.0);
-        });
-        let mut held = prior.prepared(mass_kg)?;
-        if let Some(size) = &self.size {
-            held = held.freed(&size.part)?;
+    /// What the undetermined directions V do to the base parameters, the mass first: the part of
+    /// their covariance C that a measurement of V would take away has the root `C Vᵀ (V C
+    /// Vᵀ)^(−1/2)`, p × d.
+    fn unseen(&self) -> Result<DMatrix<f64>, IdentifyError> {
+        let (p, rows) = (self.n_parameters, &self.held_by_prior);
+        if rows.nrows() == 0 || self.prior_weight <= 0.0 {
+            return Ok(DMatrix::zeros(p, 0));
         }
-        let mut in_prior = held
-            .root
-            .try_inverse()
-            .ok_or_else(|| IdentifyError::Numeric("the prior covariance is singular".to_owned()))?
-            * &changes;
-        if let Some(size) = &self.size {
-            let at = in_prior.nrows();
-            in_prior = in_prior.insert_row(at, 0.0);
-            in_prior.row_mut(at).copy_from(&size.row.rows(1, p - 1).tr_mul(&changes));
-        }
-        // x = W y with y ~ N(0, (WᵀP⁻¹W)⁻¹)
-        let failed = |problem: &str| IdentifyError::Numeric(format!("the undetermined directions: {problem}"));
-        let largest = in_prior.norm();
-        let inverse = in_prior.pseudo_inverse(1e-12 * largest).map_err(failed)?;
-        let spread = changes * inverse;
-        for (sd, row) in out.iter_mut().skip(1).zip(spread.row_iter()) {
-            *sd = row.norm();
-        }
-        Ok(out)
+        let all = self.covariance.nrows();
+        let along = self.covariance.columns_range(1..all) * rows.transpose();
+        let root = covariance_root(&(rows * along.rows_range(1..all)))?;
+        let singular = || IdentifyError::Numeric("the undetermined directions have no variance".to_owned());
+        Ok(along.rows_range(..p) * root.try_inverse().ok_or_else(singular)?.transpose())
     }
 
     fn se_from(&self, n_clusters: usize) -> String {
@@ -516,8 +502,8 @@ impl Fit {
         } else {
             "noise of the rows alone: too few clusters to see their spread".to_owned()
         };
-        let tissue = self.tissue.map_or_else(String::new, |_| ", soft tissue as a random effect".to_owned());
-        format!("{rows}{tissue}; Student's t")
+        let repeats = if self.repeats { ", errors of markers and geometry as random effects" } else { "" };
+        format!("{rows}{repeats}; Student's t")
     }
 
     fn padded(&self, n_effects: usize) -> DVector<f64> {
@@ -529,17 +515,18 @@ impl Fit {
     }
 
     /// Names the parameters that the prior holds along undetermined directions.
-    fn name_undetermined(&self, units: &mut NoiseUnits, base: &[BaseEstimate], prior: &Prior, unseen_sd: &[f64]) {
-        let held: Vec<usize> =
-            (1..base.len()).filter(|&i| base[i].determination == Determination::Hardly && unseen_sd[i] > 0.0).collect();
+    fn name_undetermined(&self, units: &mut NoiseUnits, base: &[BaseEstimate], prior: &Prior, unseen: &DMatrix<f64>) {
+        let held: Vec<usize> = (1..base.len())
+            .filter(|&i| base[i].determination == Determination::Hardly && unseen.row(i).norm() > 0.0)
+            .collect();
         units.of_table = held.iter().map(|&i| base[i].name.clone()).collect();
-        if self.held_by_prior.ncols() != 1 || held.len() < 2 {
+        if unseen.ncols() != 1 || held.len() < 2 {
             return;
         }
         // in proportion: the change is parallel to the values themselves
         let in_sd = |value: f64, i: usize| value / prior.covariance[(i, i)].max(f64::MIN_POSITIVE).sqrt();
         let of = |f: &dyn Fn(usize) -> f64| DVector::from_iterator(held.len(), held.iter().map(|&i| in_sd(f(i), i)));
-        let (change, value) = (of(&|i| self.held_by_prior[(i - 1, 0)]), of(&|i| self.x[i]));
+        let (change, value) = (of(&|i| unseen[(i, 0)]), of(&|i| self.x[i]));
         units.ratios = change.dot(&value).abs() >= PARALLEL * change.norm() * value.norm();
     }
 
@@ -565,7 +552,8 @@ impl Fit {
             .map(|(i, parameter)| {
                 // an undetermined direction has zero variance in the covariance: its parameters are
                 // unknown, not exact
-                let se = if self.undetermined[i] { f64::INFINITY } else { self.covariance[(i, i)].max(0.0).sqrt() };
+                let se =
+                    if self.undetermined[i] { f64::INFINITY } else { not_negative(self.covariance[(i, i)]).sqrt() };
                 let scale = match parameter.unit {
                     "kg" => mass_kg,
                     "kg·m" => mass_kg * length,
@@ -615,7 +603,7 @@ impl Fit {
         }
         let names = &merged.columns.effects;
         let wider = |name: &String| widening.get(name).copied().unwrap_or(1.0).max(1.0);
-        let own = |(k, name): (usize, &String)| wider(name) * self.covariance[(p + k, p + k)].max(0.0).sqrt();
+        let own = |(k, name): (usize, &String)| wider(name) * not_negative(self.covariance[(p + k, p + k)]).sqrt();
         let se: Vec<f64> = names.iter().enumerate().map(own).collect();
         // a prior tells columns apart that are alike beside a body about which nothing is known
         let theta = self.x.rows(p, names.len()).into_owned();
@@ -644,18 +632,16 @@ impl Fit {
         base: &BaseParameters,
         merged: &Factor,
         mass_kg: f64,
-        table: &LinkPrior,
-        freed: Option<&LinkPrior>,
+        prior: &LinkPrior,
+        unseen: &DMatrix<f64>,
         options: &IdentifyOptions,
     ) -> Result<Vec<LinkEstimate>, IdentifyError> {
-        let prior = freed.unwrap_or(table);
         let row_variance = (self.row_sd * self.row_sd).max(f64::MIN_POSITIVE);
         let prior_weight = if self.prior_weight > 0.0 { self.prior_weight } else { 1.0 };
-        let divergence_weight = options.divergence_weight;
-        let weights = LinkOptions { row_variance, prior_weight, divergence_weight };
+        let weights = link_options(row_variance, prior_weight, options);
         let consistent = consistent_links(merged, base, mass_kg, prior, &weights)?;
         let variances: Vec<[Variance; 10]> = match &self.uncertainty {
-            Some(uncertainty) => uncertainty.links(&consistent, merged, base, row_variance, prior_weight),
+            Some(uncertainty) => uncertainty.links(&consistent, merged, base, row_variance),
             None => {
                 let of = |(j, phi): (usize, &Phi)| {
                     let by = gradient(phi);
@@ -666,23 +652,42 @@ impl Fit {
                 consistent.phi.iter().enumerate().map(of).collect()
             }
         };
-        // what a size that the table gives makes of each link's numbers, one standard deviation
-        let by_size = self.size.as_ref().and_then(|size| Some(prior.free()? * size.spread));
+        let along = unseen_of_links(&consistent, base, unseen)?;
         Ok(consistent
             .phi
             .iter()
             .zip(&variances)
             .enumerate()
             .map(|(j, (phi, variances))| {
-                let before: SMatrix<f64, 10, 10> = table.covariance.fixed_view::<10, 10>(10 * j, 10 * j).into();
-                let unseen = by_size.as_ref().map_or_else(SMatrix::<f64, 10, 1>::zeros, |change| {
-                    gradient(phi) * change.fixed_rows::<10>(10 * j)
-                });
-                let all = std::array::from_fn(|i| (variances[i].0 + unseen[i] * unseen[i], variances[i].1));
-                link_estimate(&model.links[j].name, phi, &all, &prior.links[j], &before, unseen.as_slice())
+                let before: SMatrix<f64, 10, 10> = prior.covariance.fixed_view::<10, 10>(10 * j, 10 * j).into();
+                let unseen = gradient(phi) * along.rows(10 * j, 10);
+                let sd: Vec<f64> = unseen.row_iter().map(|row| row.norm()).collect();
+                link_estimate(&model.links[j].name, phi, variances, &prior.links[j], &before, &sd)
             })
             .collect())
     }
+}
+
+/// Weights of the links' problem beside those of the estimate.
+fn link_options(row_variance: f64, prior_weight: f64, options: &IdentifyOptions) -> LinkOptions {
+    LinkOptions { row_variance, prior_weight, box_weight: options.box_weight }
+}
+
+/// Changes of the stacked φ that the prior expects with changes of the base parameters, 10 n × d:
+/// `P Bᵀ (B P Bᵀ)⁻¹ W`.
+fn unseen_of_links(
+    links: &ConsistentLinks,
+    base: &BaseParameters,
+    changes: &DMatrix<f64>,
+) -> Result<DMatrix<f64>, IdentifyError> {
+    let n = links.prior_mean.len();
+    if changes.ncols() == 0 {
+        return Ok(DMatrix::zeros(n, 0));
+    }
+    let prior = Prior::of_links(base, &links.prior_mean, &links.prior_covariance);
+    let singular = || IdentifyError::Numeric("the prior covariance is singular".to_owned());
+    let inverse = covariance_root(&prior.covariance)?.try_inverse().ok_or_else(singular)?;
+    Ok(&links.prior_covariance * base.from_full.tr_mul(&inverse.tr_mul(&(&inverse * changes))))
 }
 
 fn pad(x: &DVector<f64>, zeros: usize) -> DVector<f64> {
@@ -701,7 +706,7 @@ fn link_estimate(
     let link = aloft_body::LinkInertia::from_phi(phi);
     let sd = LinkSd::of(deviations(variances).as_slice());
     let i = &link.inertia_com_kgm2;
-    let of = |k: usize, value: f64| interval95(value, variances[k].0.max(0.0).sqrt(), variances[k].1);
+    let of = |k: usize, value: f64| interval95(value, not_negative(variances[k].0).sqrt(), variances[k].1);
     let pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)];
     let ci95 = LinkIntervals {
         mass_kg: of(0, link.mass_kg),

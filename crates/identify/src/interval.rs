@@ -20,6 +20,11 @@ pub fn half95(se: f64, freedom: f64) -> Option<f64> {
     (se.is_finite() && se >= 0.0 && freedom > 0.0).then(|| t975(freedom) * se)
 }
 
+/// A variance that rounding made slightly negative is zero; one that is not a number remains so.
+pub(crate) fn not_negative(variance: f64) -> f64 {
+    if variance < 0.0 { 0.0 } else { variance }
+}
+
 /// Half the width of an existing interval.
 pub fn half_of(ci95: Option<[f64; 2]>) -> Option<f64> {
     ci95.map(|[low, high]| 0.5 * (high - low))
@@ -45,6 +50,8 @@ mod tests {
         }
         assert_eq!(interval95(f64::NAN, 1.0, 3.0), None);
         assert_eq!(half_of(interval95(2.0, 0.0, 3.0)), Some(0.0));
+        let (variance, freedom) = satterthwaite(&[(f64::NAN, 3.0), (1.0, 8.0)]);
+        assert_eq!(interval95(1.0, not_negative(variance).sqrt(), freedom), None);
     }
 
     #[test]

@@ -49,7 +49,7 @@ pub use design::Design;
 pub use determination::{Determination, Origin};
 pub use error::IdentifyError;
 pub use gate::{Gate, GateLimits};
-pub use identify::{IdentifyOptions, identify, identify_merged, identify_with_slides};
+pub use identify::{IdentifyOptions, identify, identify_merged, identify_with_errors};
 pub use information::Information;
 pub use interval::{half_of, half95, interval95, satterthwaite};
 pub use links::{ConsistentLinks, LinkOptions, LinkSd, consistent_links};

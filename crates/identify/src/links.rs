@@ -1,52 +1,45 @@
 //! Physically consistent links: masses, centres of mass and inertias of a body of positive density
 //! that reproduce what motion determined and stay near the prior elsewhere.
 //!
-//! Minimised over the parameters φ of all links, with the sum of masses held fixed:
+//! The unknowns are the ten numbers x of each link by which it differs from the prior
+//! ([`crate::prior`]): the logarithm of its mass, shifts of its centre of mass, and the logarithm
+//! of the stretch of its mass distribution. Every x is a body of positive density, so nothing has
+//! to keep it one. Minimised is
 //!
 //! ```text
-//! ‖R [Bφ; θ; −1]‖² / (2 s²)  +  λ/2 (φ−φ₀)ᵀ P⁻¹ (φ−φ₀)  +  μ Σ_j [ tr(J₀ⱼ⁻¹ Jⱼ) − log det(J₀ⱼ⁻¹ Jⱼ) − 4 ]
+//! ‖R [Bφ(x); θ; −1]‖² / (2 s²)  +  λ/2 xᵀ Λ⁻¹ x        with Σ m(x) the mass of the body
 //! ```
 //!
+//! To first order that is `Σ m₀ x = 0` over the masses, which the root of Λ keeps; what then is
+//! left of the second is divided out.
+//!
 //! The first term is the evidence itself, so base parameters are held as tightly as their
-//! covariance allows; the second is the prior; the third, with the pseudo-inertia J of each link
-//! (Wensing, Kim, Slotine 2017), is the entropic divergence (Bregman, of the log-determinant: Lee,
-//! Wensing, Park 2020). It is infinite where J is not positive definite. All three are convex, so
-//! Newton's method with step halving finds the unique minimum. The gradient of the divergence is
-//! nonzero everywhere except at the prior, so `Bφ` differs slightly from the regularised estimate.
+//! covariance allows; the second is the prior as it is stated, in relative deviations: a size and
+//! its inverse are equally likely, whatever the shape. φ is linear in none of these, so the minimum
+//! is found by Newton's method with the full curvature and step halving, from the prior, while the
+//! weight of the rows grows to its value: on the way the links follow what the rows fix.
 //!
-//! Where a box is known that holds the mass of a link (collision geometry), the divergence also has
-//! a term `t − log t − 1` for each axis of the box, with `t = ∫ (x − a)(b − x) dm` over the same
-//! moment of the prior. It is linear in φ inside the logarithm, hence convex, and infinite where
-//! mass would lie outside.
-//!
-//! The prior states relative deviations (mass, stretches and shears of the mass distribution), so φ
-//! is a nonlinear function f of the ten numbers x per link ([`crate::prior`]). Its linear map is
-//! first taken at the prior and then, as in Gauss and Newton's method, at the links found: `φ₀ =
-//! f(x̂) − F x̂`, `P = F Cov(x) Fᵀ` with `F = ∂f/∂x` at x̂. With the map of the prior alone, the
-//! values that motion does not determine keep the scale of a prior that the other values
-//! contradict, and 95 % intervals contain the truth in 92 to 93 % of sets.
+//! Where a box is known that holds the mass of a link (collision geometry), the objective also has
+//! a term `μ (t − log t − 1)` for each axis of the box, with `t = ∫ (x − a)(b − x) dm` over the
+//! same moment of the prior. It is infinite where mass would lie outside.
 
-use crate::prior::{PriorAt, covariance_root};
+use crate::interval::not_negative;
+use crate::prior::{PriorAt, covariance_root, deformed};
 use crate::system::inverse_triangle;
 use crate::{IdentifyError, LinkPrior};
-use aloft_body::inertia::pseudo_inertia;
 use aloft_body::{BaseParameters, LinkInertia, Phi};
 use aloft_regressor::Factor;
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix4, SMatrix, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, SMatrix, Vector3};
 
-/// Number of times that the linear map of the prior is taken anew at the links just found. On a
-/// chain one time changes widths of intervals by up to 10 %, two more times by up to 5 %.
-const ROUNDS: usize = 2;
-
-/// Weights of the three terms.
+/// Weights of the terms.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LinkOptions {
     /// Variance s² of a row.
     pub row_variance: f64,
     /// Weight λ of the prior.
     pub prior_weight: f64,
-    /// Weight μ of the divergence from the prior; small, so that it only keeps links consistent.
-    pub divergence_weight: f64,
+    /// Weight μ of the boxes; small, so that it only keeps mass inside.
+    pub box_weight: f64,
 }
 
 /// Consistent parameters of all links.
@@ -54,24 +47,22 @@ pub struct LinkOptions {
 pub struct ConsistentLinks {
     /// φ of each link.
     pub phi: Vec<Phi>,
-    /// Covariance of the stacked φ, (10 n)²: from the curvature at the minimum.
+    /// Covariance of the stacked φ, (10 n)²: from the curvature at the minimum without the bend of
+    /// φ, that of a linear map.
     pub covariance: DMatrix<f64>,
-    /// Response of φ to the score of its rows, (10 n)²: the inverse of the curvature, restricted to
-    /// changes that keep the mass.
+    /// Response of φ to the score of its rows, (10 n)²: the inverse of that curvature, restricted
+    /// to changes that keep the mass.
     pub response: DMatrix<f64>,
-    /// Part of the covariance due to the bias from the prior and the divergence, (10 n)².
+    /// Part of the covariance due to the bias from the prior and the boxes, (10 n)².
     pub known: DMatrix<f64>,
+    /// Mean of the prior with its linear map taken at these links, 10 n.
+    pub prior_mean: DVector<f64>,
     /// Covariance of the prior with its linear map taken at these links, (10 n)².
     pub prior_covariance: DMatrix<f64>,
-    /// Its part of second order ([`LinkPrior::second_order`]).
-    pub second_order: DMatrix<f64>,
     /// Effect coefficients belonging to these links.
     pub effects: DVector<f64>,
-    /// Number of Newton steps.
+    /// Number of steps.
     pub steps: usize,
-    /// Smallest eigenvalue of any link's second moment about its centre of mass, relative to the
-    /// largest of the same link.
-    pub smallest_eigenvalue: f64,
 }
 
 /// Finds consistent links for a merged factor.
@@ -86,7 +77,7 @@ pub fn consistent_links(
     prior: &LinkPrior,
     options: &LinkOptions,
 ) -> Result<ConsistentLinks, IdentifyError> {
-    let weights = [mass_kg, options.row_variance, options.prior_weight, options.divergence_weight];
+    let weights = [mass_kg, options.row_variance, options.prior_weight, options.box_weight];
     if !weights.iter().all(|w| *w > 0.0 && w.is_finite()) {
         return Err(IdentifyError::Option {
             option: "links",
@@ -101,35 +92,12 @@ pub fn consistent_links(
             found: n,
         });
     }
-    let start = scaled_to_mass(prior, mass_kg);
-    let references: Vec<Matrix4<f64>> = start
-        .iter()
-        .enumerate()
-        .map(|(j, phi)| {
-            let inverse = pseudo_inertia(phi).cholesky().map(|c| c.inverse());
-            inverse.ok_or_else(|| IdentifyError::Numeric(format!("the prior of link {j} is not physically consistent")))
-        })
-        .collect::<Result<_, _>>()?;
-    let limits = Limits { references, slabs: slabs(prior, &start)? };
-    let covariance = (prior.covariance.clone(), prior.second_order.clone());
-    let mut problem = Problem::new(merged, base, &stacked(&start), covariance, limits, options)?;
-    let mut links = problem.solve(options.divergence_weight)?;
-    for _ in 0..ROUNDS {
-        let Some(at) = prior.at(&start, &links.phi) else { break };
-        let moved = problem.moved(base, at, options)?;
-        let next = moved.solve_from(&stacked(&links.phi), options.divergence_weight)?;
-        (problem, links) = (moved, next);
-    }
-    Ok(links)
-}
-
-fn stacked(phi: &[Phi]) -> DVector<f64> {
-    DVector::from_iterator(10 * phi.len(), phi.iter().flat_map(|p| p.iter().copied()))
+    Problem::new(merged, base, mass_kg, prior, options)?.solve()
 }
 
 /// The prior's links with all masses (and quantities proportional to them) scaled so that they add
 /// up to the body mass.
-fn scaled_to_mass(prior: &LinkPrior, mass_kg: f64) -> Vec<Phi> {
+pub(crate) fn scaled_to_mass(prior: &LinkPrior, mass_kg: f64) -> Vec<Phi> {
     let phi = prior.phi();
     let total: f64 = phi.iter().map(|p| p[0]).sum();
     phi.into_iter().map(|p| p * (mass_kg / total)).collect()
@@ -140,14 +108,6 @@ fn scaled_to_mass(prior: &LinkPrior, mass_kg: f64) -> Vec<Phi> {
 struct Slab {
     link: usize,
     row: Phi,
-}
-
-/// What keeps links consistent.
-#[derive(Clone)]
-struct Limits {
-    /// Inverse pseudo-inertia of each link of the prior.
-    references: Vec<Matrix4<f64>>,
-    slabs: Vec<Slab>,
 }
 
 fn slabs(prior: &LinkPrior, start: &[Phi]) -> Result<Vec<Slab>, IdentifyError> {
@@ -165,25 +125,20 @@ fn slabs(prior: &LinkPrior, start: &[Phi]) -> Result<Vec<Slab>, IdentifyError> {
     Ok(out)
 }
 
-struct Problem {
-    /// Mean of the prior's linear map, 10 n.
-    start: DVector<f64>,
-    /// Its covariance, (10 n)², and the part of second order.
-    covariance: DMatrix<f64>,
-    second_order: DMatrix<f64>,
-    limits: Limits,
-    /// φ = start + root y keeps the total mass.
+struct Problem<'a> {
+    prior: &'a LinkPrior,
+    /// The prior's links, with the mass of the body.
+    own: Vec<Phi>,
+    mass_kg: f64,
+    /// Λ = root · rootᵀ given the mass of the body: x = root · y with y of unit variance.
     root: DMatrix<f64>,
-    /// y of a φ of that mass.
-    back: DMatrix<f64>,
-    /// Evidence of the rows, `A φ` and its right-hand side, both divided by s.
-    by_base: DMatrix<f64>,
-    by_base_right: DVector<f64>,
-    /// Rows in y with the effects eliminated, and their right-hand side, both divided by s.
+    slabs: Vec<Slab>,
+    /// Rows of the stacked φ with the effects eliminated, and their right-hand side, both divided
+    /// by s.
     rows: DMatrix<f64>,
     right: DVector<f64>,
-    /// λ and Lᵀ-whitened offset of the start from the prior's mean is zero by construction.
     prior_weight: f64,
+    box_weight: f64,
     effects: EffectsOf,
 }
 
@@ -196,13 +151,23 @@ struct EffectsOf {
     from_full: DMatrix<f64>,
 }
 
-impl Problem {
+/// The links of one y: their stacked φ, and its change with y.
+struct Links {
+    phi: DVector<f64>,
+    by_y: DMatrix<f64>,
+    /// Factor that gives them the mass of the body.
+    to_mass: f64,
+}
+
+/// Factor between the weights of the rows of successive minima, on which the last does not depend.
+const GROWTH: f64 = 10.0;
+
+impl<'a> Problem<'a> {
     fn new(
         merged: &Factor,
         base: &BaseParameters,
-        start: &DVector<f64>,
-        covariance: (DMatrix<f64>, DMatrix<f64>),
-        limits: Limits,
+        mass_kg: f64,
+        prior: &'a LinkPrior,
         options: &LinkOptions,
     ) -> Result<Self, IdentifyError> {
         // effects first, so that one triangularisation eliminates them
@@ -229,102 +194,74 @@ impl Problem {
             from_full: base.from_full.clone(),
         };
         let s = options.row_variance.sqrt();
-        let a = DMatrix::from_fn(p, p, |i, j| get(k + i, k + j)) / s;
-        let b = DVector::from_fn(p, |i, _| get(k + i, k + p)) / s;
-        Self::of(start, covariance, limits, (a, b), base, options, effects)
-    }
-
-    /// From the rows `a` of the base parameters with their right-hand side `b`.
-    fn of(
-        start: &DVector<f64>,
-        (covariance, second_order): (DMatrix<f64>, DMatrix<f64>),
-        limits: Limits,
-        (a, b): (DMatrix<f64>, DVector<f64>),
-        base: &BaseParameters,
-        options: &LinkOptions,
-        effects: EffectsOf,
-    ) -> Result<Self, IdentifyError> {
-        let (root, back) = mass_keeping_root(&covariance)?;
-        let by_full = &a * &base.from_full;
-        let right = &b - &by_full * start;
-        let rows = by_full * &root;
+        let own = scaled_to_mass(prior, mass_kg);
         Ok(Self {
-            start: start.clone(),
-            covariance,
-            second_order,
-            limits,
-            root,
-            back,
-            by_base: a,
-            by_base_right: b,
-            rows,
-            right,
+            slabs: slabs(prior, &own)?,
+            prior,
+            mass_kg,
+            root: mass_keeping(covariance_root(&prior.numbers)?, &own),
+            rows: DMatrix::from_fn(p, p, |i, j| get(k + i, k + j)) / s * &base.from_full,
+            right: DVector::from_fn(p, |i, _| get(k + i, k + p)) / s,
             prior_weight: options.prior_weight,
+            box_weight: options.box_weight,
             effects,
+            own,
         })
     }
 
-    /// The same rows with the prior's linear map taken elsewhere.
-    fn moved(&self, base: &BaseParameters, at: PriorAt, options: &LinkOptions) -> Result<Self, IdentifyError> {
-        let evidence = (self.by_base.clone(), self.by_base_right.clone());
-        let covariance = (at.covariance, at.second_order);
-        Self::of(&at.mean, covariance, self.limits.clone(), evidence, base, options, self.effects.clone())
-    }
-
-    fn phi(&self, y: &DVector<f64>) -> DVector<f64> {
-        &self.start + &self.root * y
-    }
-
-    /// Value of the objective; infinite if a link is not consistent.
-    fn value(&self, y: &DVector<f64>, mu: f64) -> f64 {
-        let phi = self.phi(y);
-        let mut divergence = 0.0;
-        for (j, reference) in self.limits.references.iter().enumerate() {
-            let Some(cholesky) = pseudo_inertia(&block(&phi, j)).cholesky() else { return f64::INFINITY };
-            let pseudo = pseudo_inertia(&block(&phi, j));
-            let log_det: f64 = (0..4).map(|i| 2.0 * cholesky.l_dirty()[(i, i)].ln()).sum();
-            divergence += (reference * pseudo).trace() - log_det;
+    /// The links of y; `None` where a mass distribution overflows.
+    fn links(&self, y: &DVector<f64>) -> Option<Links> {
+        let x = &self.root * y;
+        let n = self.own.len();
+        let mut phi = DVector::zeros(10 * n);
+        let mut by_x = DMatrix::zeros(10 * n, 10 * n);
+        for (j, own) in self.own.iter().enumerate() {
+            let (link, map) = deformed(own, &x.fixed_rows::<10>(10 * j).into())?;
+            phi.fixed_rows_mut::<10>(10 * j).copy_from(&link);
+            by_x.fixed_view_mut::<10, 10>(10 * j, 10 * j).copy_from(&map);
         }
-        for slab in &self.limits.slabs {
-            let t = slab.row.dot(&block(&phi, slab.link));
+        // the body's mass is given
+        let to_mass = self.mass_kg / (0..n).map(|j| phi[10 * j]).sum::<f64>();
+        if !(to_mass > 0.0 && to_mass.is_finite()) {
+            return None;
+        }
+        phi *= to_mass;
+        by_x *= to_mass;
+        let share = DVector::from_fn(10 * n, |i, _| if i % 10 == 0 { phi[i] / self.mass_kg } else { 0.0 });
+        by_x.ger(-1.0, &phi, &share, 1.0);
+        Some(Links { by_y: by_x * &self.root, phi, to_mass })
+    }
+
+    /// Value of the objective for a weight of the rows; infinite where mass lies outside a box.
+    fn value(&self, y: &DVector<f64>, of_rows: f64) -> f64 {
+        let Some(links) = self.links(y) else { return f64::INFINITY };
+        let mut boxes = 0.0;
+        for slab in &self.slabs {
+            let t = slab.row.dot(&block(&links.phi, slab.link));
             if t.is_nan() || t <= 0.0 {
                 return f64::INFINITY;
             }
-            divergence += t - t.ln();
+            boxes += t - t.ln();
         }
-        0.5 * (&self.rows * y - &self.right).norm_squared()
+        0.5 * of_rows * (&self.rows * &links.phi - &self.right).norm_squared()
             + 0.5 * self.prior_weight * y.norm_squared()
-            + mu * divergence
+            + self.box_weight * boxes
     }
 
-    /// Minimum for the weight `target` of the divergence. Continuation from the prior, which is the
-    /// minimum for a large weight, reduces the weight tenfold per step: far from the minimum a
-    /// small weight would make Newton's method converge slowly along the boundary of consistency.
-    fn solve(&self, target: f64) -> Result<ConsistentLinks, IdentifyError> {
+    fn solve(&self) -> Result<ConsistentLinks, IdentifyError> {
         let m = self.root.ncols();
-        let gram = self.rows.tr_mul(&self.rows) + DMatrix::identity(m, m) * self.prior_weight;
         let mut y = DVector::zeros(m);
-        let misfit = 0.5 * self.right.norm_squared();
-        let mut mu = target.max(misfit);
+        let start = self.links(&y).ok_or_else(|| no_minimum(0))?;
+        let misfit = (&self.rows * &start.phi - &self.right).norm_squared();
+        let mut of_rows = misfit.recip().min(1.0);
         let mut steps = 0;
-        let hessian = loop {
-            let hessian = self.descend(mu, &gram, &mut y, &mut steps)?;
-            if mu <= target {
-                break hessian;
+        loop {
+            let hessian = self.descend(of_rows, &mut y, &mut steps)?;
+            if of_rows >= 1.0 {
+                return self.at_minimum(&y, &hessian, steps);
             }
-            mu = (0.1 * mu).max(target);
-        };
-        self.at_minimum(&y, &hessian, steps)
-    }
-
-    /// Minimum for the weight `target`, from consistent links `phi` of the body's mass near it.
-    fn solve_from(&self, phi: &DVector<f64>, target: f64) -> Result<ConsistentLinks, IdentifyError> {
-        let m = self.root.ncols();
-        let gram = self.rows.tr_mul(&self.rows) + DMatrix::identity(m, m) * self.prior_weight;
-        let mut y = &self.back * (phi - &self.start);
-        let mut steps = 0;
-        let hessian = self.descend(target, &gram, &mut y, &mut steps)?;
-        self.at_minimum(&y, &hessian, steps)
+            of_rows = (of_rows * GROWTH).min(1.0);
+        }
     }
 
     fn at_minimum(
@@ -333,75 +270,110 @@ impl Problem {
         hessian: &DMatrix<f64>,
         steps: usize,
     ) -> Result<ConsistentLinks, IdentifyError> {
-        let phi = self.phi(y);
+        let links = self.links(y).ok_or_else(|| no_minimum(steps))?;
         let inverse = hessian
             .clone()
             .cholesky()
             .ok_or_else(|| IdentifyError::Numeric("the curvature of the link problem is singular".to_owned()))?
             .inverse();
-        // noise of the rows, and the bias from the prior and the divergence: with their curvature λ
-        // + μD, and a truth distributed about the prior with unit variance, the bias term has the
+        // noise of the rows, and the bias from the prior and the boxes: with their curvature λ +
+        // μD, and a truth distributed about the prior with unit variance, the bias term has the
         // variance (λ + μD)²
-        let by_rows = self.rows.tr_mul(&self.rows);
+        let along = &self.rows * &links.by_y;
+        let by_rows = along.tr_mul(&along);
         let pull = hessian - &by_rows;
         let bias = &pull * &pull;
-        let middle = by_rows + &bias;
-        let response = &self.root * &inverse * self.root.transpose();
-        let known = &self.root * (&inverse * bias * &inverse) * self.root.transpose();
-        let covariance = &self.root * (&inverse * middle * &inverse) * self.root.transpose();
-        let n = self.limits.references.len();
-        let phi_links: Vec<Phi> = (0..n).map(|j| block(&phi, j)).collect();
-        let smallest = phi_links
-            .iter()
-            .map(|p| {
-                let eigenvalues = central_second_moment(p).symmetric_eigenvalues();
-                eigenvalues.min() / eigenvalues.max()
-            })
-            .fold(f64::INFINITY, f64::min);
-        let effects = self.effects.of(&phi);
+        let of = |middle: &DMatrix<f64>| &links.by_y * middle * links.by_y.transpose();
+        let known = of(&(&inverse * &bias * &inverse));
+        let covariance = of(&(&inverse * (by_rows + bias) * &inverse));
+        let phi: Vec<Phi> = (0..self.own.len()).map(|j| block(&links.phi, j)).collect();
+        // the numbers of the links with the mass of the body, and the map there
+        let mut x = &self.root * y;
+        let mut map = DMatrix::zeros(x.len(), x.len());
+        for (j, own) in self.own.iter().enumerate() {
+            let (_, by_x) = deformed(own, &x.fixed_rows::<10>(10 * j).into()).ok_or_else(|| no_minimum(steps))?;
+            map.fixed_view_mut::<10, 10>(10 * j, 10 * j).copy_from(&(by_x * links.to_mass));
+            x[10 * j] += links.to_mass.ln();
+        }
+        let PriorAt { mean, covariance: of_prior } = self.prior.mapped(&links.phi, &map, &x);
         Ok(ConsistentLinks {
-            phi: phi_links,
+            phi,
             covariance,
-            response,
+            response: of(&inverse),
             known,
-            prior_covariance: self.covariance.clone(),
-            second_order: self.second_order.clone(),
-            effects,
+            prior_mean: mean,
+            prior_covariance: of_prior,
+            effects: self.effects.of(&links.phi),
             steps,
-            smallest_eigenvalue: smallest,
         })
     }
 
-    /// Newton steps to the minimum for one weight of the divergence; returns the curvature there.
-    fn descend(
+    /// Part of the curvature that comes from the bend of φ(y), for a gradient g by φ. With S the
+    /// sum of the masses before they are given that of the body, M, φ = (M/S) φ̂ and h = g −
+    /// (g·φ/M) ∂S/∂φ̂, it is `(M/S) h·φ̂″ − (f′ S′ᵀ + S′ f′ᵀ)/S` where `f′ = (M/S) φ̂′ᵀ h` is the
+    /// gradient by the numbers. φ̂″ is taken by differences of the links' own maps.
+    fn bend(
         &self,
-        mu: f64,
-        gram: &DMatrix<f64>,
-        y: &mut DVector<f64>,
-        steps: &mut usize,
-    ) -> Result<DMatrix<f64>, IdentifyError> {
+        y: &DVector<f64>,
+        links: &Links,
+        by_phi: &DVector<f64>,
+        gradient: &DVector<f64>,
+    ) -> Option<DMatrix<f64>> {
+        // logarithms and metres: the maps are smooth over much longer steps
+        const STEP: f64 = 1e-4;
+        let x = &self.root * y;
+        let n = self.own.len();
+        let mut held = by_phi.clone();
+        let along_mass = by_phi.dot(&links.phi) / self.mass_kg;
+        for j in 0..n {
+            held[10 * j] -= along_mass;
+        }
+        let mut bend = DMatrix::zeros(x.len(), x.len());
+        for (j, own) in self.own.iter().enumerate() {
+            let (at, by) = (x.fixed_rows::<10>(10 * j), held.fixed_rows::<10>(10 * j));
+            for k in 0..10 {
+                let side = |sign: f64| {
+                    let mut moved: SMatrix<f64, 10, 1> = at.into();
+                    moved[k] += sign * STEP;
+                    deformed(own, &moved).map(|(_, map)| map.tr_mul(&by))
+                };
+                let column = (side(1.0)? - side(-1.0)?) * (links.to_mass / (2.0 * STEP));
+                bend.fixed_view_mut::<10, 1>(10 * j, 10 * j + k).copy_from(&column);
+            }
+        }
+        let shares = DVector::from_fn(10 * n, |i, _| if i % 10 == 0 { links.phi[i] / self.mass_kg } else { 0.0 });
+        let along = self.root.tr_mul(&(&bend * &self.root)) - gradient * self.root.tr_mul(&shares).transpose() * 2.0;
+        Some(0.5 * (&along + along.transpose()))
+    }
+
+    /// Steps to the minimum for one weight of the rows; returns the curvature there, without the
+    /// bend of φ.
+    fn descend(&self, of_rows: f64, y: &mut DVector<f64>, steps: &mut usize) -> Result<DMatrix<f64>, IdentifyError> {
         const MOST_STEPS: usize = 100;
-        let basis = pseudo_basis();
-        let mut value = self.value(y, mu);
+        let mut value = self.value(y, of_rows);
         // rounding error of the objective, and a value small against its unit: half a squared
         // standard deviation
         let enough = |value: f64| 1e-9_f64.max(1e-12 * value);
         for _ in 0..MOST_STEPS {
-            let phi = self.phi(y);
-            let (gradient_phi, blocks) = self.divergence(&phi, &basis);
-            let gradient = self.rows.tr_mul(&(&self.rows * &*y - &self.right))
-                + &*y * self.prior_weight
-                + self.root.tr_mul(&gradient_phi) * mu;
-            let mut hessian = gram.clone();
-            for (j, curvature) in blocks.iter().enumerate() {
-                let rows = self.root.rows(10 * j, 10);
-                hessian += rows.tr_mul(&(curvature * rows * mu));
+            let links = self.links(y).ok_or_else(|| no_minimum(*steps))?;
+            let along = &self.rows * &links.by_y;
+            let mut by_phi = self.rows.tr_mul(&(&self.rows * &links.phi - &self.right)) * of_rows;
+            let mut gradient = &*y * self.prior_weight;
+            let mut hessian = along.tr_mul(&along) * of_rows;
+            for i in 0..y.len() {
+                hessian[(i, i)] += self.prior_weight;
             }
-            let Some(cholesky) = hessian.clone().cholesky() else {
-                return Err(IdentifyError::Numeric(
-                    "the curvature of the link problem is not positive definite".to_owned(),
-                ));
-            };
+            for slab in &self.slabs {
+                let t = slab.row.dot(&block(&links.phi, slab.link));
+                let by_y = links.by_y.fixed_rows::<10>(10 * slab.link).tr_mul(&slab.row);
+                let mut own = by_phi.fixed_rows_mut::<10>(10 * slab.link);
+                own += slab.row * (self.box_weight * (1.0 - t.recip()));
+                hessian.ger(self.box_weight / (t * t), &by_y, &by_y, 1.0);
+            }
+            let of_phi = links.by_y.tr_mul(&by_phi);
+            let bend = self.bend(y, &links, &by_phi, &of_phi).ok_or_else(|| no_minimum(*steps))?;
+            gradient += of_phi;
+            let cholesky = with_bend(&hessian, bend).ok_or_else(|| no_minimum(*steps))?;
             let step = cholesky.solve(&gradient);
             let decrement = gradient.dot(&step);
             *steps += 1;
@@ -411,7 +383,7 @@ impl Problem {
             let mut length = 1.0;
             loop {
                 let candidate = &*y - &step * length;
-                let next = self.value(&candidate, mu);
+                let next = self.value(&candidate, of_rows);
                 if next <= value - 1e-4 * length * decrement {
                     *y = candidate;
                     value = next;
@@ -426,29 +398,6 @@ impl Problem {
         }
         Err(no_minimum(*steps))
     }
-
-    /// Gradient of the divergence with respect to φ and its curvature, link by link.
-    fn divergence(&self, phi: &DVector<f64>, basis: &[Matrix4<f64>; 10]) -> (DVector<f64>, Vec<SMatrix<f64, 10, 10>>) {
-        let mut gradient = DVector::zeros(phi.len());
-        let mut blocks = Vec::with_capacity(self.limits.references.len());
-        for (j, reference) in self.limits.references.iter().enumerate() {
-            // callers evaluate this only where every link is consistent
-            let inverse = pseudo_inertia(&block(phi, j)).cholesky().map_or(*reference, |c| c.inverse());
-            let difference = reference - inverse;
-            let products: [Matrix4<f64>; 10] = std::array::from_fn(|k| inverse * basis[k]);
-            for k in 0..10 {
-                gradient[10 * j + k] = difference.dot(&basis[k]);
-            }
-            blocks.push(SMatrix::from_fn(|a, b| products[a].dot(&products[b].transpose())));
-        }
-        for slab in &self.limits.slabs {
-            let t = slab.row.dot(&block(phi, slab.link));
-            let mut own = gradient.rows_mut(10 * slab.link, 10);
-            own += slab.row * (1.0 - 1.0 / t);
-            blocks[slab.link] += slab.row * slab.row.transpose() / (t * t);
-        }
-        (gradient, blocks)
-    }
 }
 
 impl EffectsOf {
@@ -460,44 +409,33 @@ impl EffectsOf {
     }
 }
 
+/// A root of the covariance of the numbers without the direction that changes the mass of the body.
+fn mass_keeping(root: DMatrix<f64>, own: &[Phi]) -> DMatrix<f64> {
+    let masses = DVector::from_fn(root.nrows(), |i, _| if i % 10 == 0 { own[i / 10][0] } else { 0.0 });
+    let along = root.tr_mul(&masses).normalize();
+    &root - (&root * &along) * along.transpose()
+}
+
+/// Cholesky factor of a curvature with its bend, or where that is not positive definite (far from
+/// the minimum) with the half, the quarter, … of it.
+fn with_bend(hessian: &DMatrix<f64>, mut bend: DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
+    loop {
+        if let Some(found) = (hessian + &bend).cholesky() {
+            return Some(found);
+        }
+        if !bend.amax().is_finite() || bend.amax() < f64::EPSILON * hessian.amax() {
+            return hessian.clone().cholesky();
+        }
+        bend *= 0.5;
+    }
+}
+
 fn no_minimum(steps: usize) -> IdentifyError {
     IdentifyError::Numeric(format!("consistent links: no minimum after {steps} steps"))
 }
 
 fn block(phi: &DVector<f64>, j: usize) -> Phi {
     phi.fixed_rows::<10>(10 * j).into()
-}
-
-/// ∂J/∂φ_k.
-fn pseudo_basis() -> [Matrix4<f64>; 10] {
-    std::array::from_fn(|k| {
-        let mut unit = Phi::zeros();
-        unit[k] = 1.0;
-        pseudo_inertia(&unit)
-    })
-}
-
-/// Columns that span all changes of φ that keep the total mass, scaled by the prior covariance, and
-/// their pseudo-inverse.
-fn mass_keeping_root(covariance: &DMatrix<f64>) -> Result<(DMatrix<f64>, DMatrix<f64>), IdentifyError> {
-    let n = covariance.nrows();
-    let masses = DVector::from_fn(n, |i, _| if i % 10 == 0 { 1.0 } else { 0.0 });
-    let cross = covariance * &masses;
-    let variance = masses.dot(&cross);
-    // with one link the mass is fixed, so this direction has no variance left
-    let conditional = covariance - &cross * cross.transpose() / variance;
-    let root = covariance_root(covariance)?;
-    let inverse = root
-        .clone()
-        .try_inverse()
-        .ok_or_else(|| IdentifyError::Numeric("the prior covariance of the links is singular".to_owned()))?;
-    let whitened = &inverse * conditional * inverse.transpose();
-    let eigen = (0.5 * (&whitened + whitened.transpose())).symmetric_eigen();
-    // in whitened coordinates the conditional covariance is a projector: one eigenvalue is zero,
-    // the others are one
-    let kept: Vec<usize> = (0..n).filter(|&i| eigen.eigenvalues[i] > 0.5).collect();
-    let along = eigen.eigenvectors.select_columns(&kept);
-    Ok((&root * &along, along.tr_mul(&inverse)))
 }
 
 /// Derivatives of mass, centre of mass (x y z) and inertia about it (xx yy zz yz zx xy) with
@@ -528,7 +466,7 @@ pub(crate) fn gradient(phi: &Phi) -> SMatrix<f64, 10, 10> {
 /// (first order).
 pub(crate) fn link_with_sd(phi: &Phi, covariance: &SMatrix<f64, 10, 10>) -> (LinkInertia, LinkSd) {
     let by = gradient(phi);
-    let sd = (by * covariance * by.transpose()).diagonal().map(|v| v.max(0.0).sqrt());
+    let sd = (by * covariance * by.transpose()).diagonal().map(|v| not_negative(v).sqrt());
     (LinkInertia::from_phi(phi), LinkSd::of(sd.as_slice()))
 }
 

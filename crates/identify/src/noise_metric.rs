@@ -19,8 +19,9 @@
 //! along conjugate directions over the length that noise alone gives them. The paper assumes that
 //! the rank falls by exactly one. In these units that can be seen: each direction with σ_k at the
 //! level of the noise is one that the motion does not determine. It is taken out of the rows, so
-//! that the prior alone holds it, with the prior's width (its size, for a direction along
-//! which parameters keep their ratios).
+//! that the prior alone holds it, with the prior's width. The prior states relative deviations of
+//! links, and its linear map is taken at the links found ([`crate::prior`]): where the motion
+//! gives ratios, the size is the one with which the table agrees best.
 //!
 //! **Solution.** At the minimum the gradient is that of `ψᵀ(G − q S)ψ / s` with
 //! `q = ψᵀGψ / ψᵀSψ` and `s = ψᵀSψ / n`. So the estimate is least squares with rows whose Gram is
@@ -44,15 +45,6 @@ const NOISE_KNOWN_WITHIN: f64 = 0.5;
 
 /// Singular values of the columns below this share of the largest are rounding.
 const ROUNDING: f64 = 1e-12;
-
-/// Weight with which links keep a size that the table gives, over that of the table: what keeps
-/// them physical would otherwise shrink it where flat links are measured thicker than the table's.
-const HELD: f64 = 10.0;
-
-/// Share of an undetermined direction, in squares of the table's standard deviations, that has to
-/// lie in parameters that change in proportion for it to be a size: of a rigid body it is 1.000.
-/// A quadrotor with balanced rotors is not recognised; its size is then too small.
-const MOSTLY: f64 = 0.9;
 
 /// Unit vectors whose difference is shorter than this are the same.
 const PARALLEL: f64 = 1e-9;
@@ -101,88 +93,6 @@ fn complement(columns: &DMatrix<f64>) -> DMatrix<f64> {
     orthonormal(&(DMatrix::identity(n, n) - columns * columns.transpose()), 0.5)
 }
 
-/// The common size of parameters of which the motion fixes only the ratios.
-///
-/// Along such a direction the estimate keeps the table's size: the length of the parameters that
-/// change with it, in the table's standard deviations, is that of the table's own values. Its
-/// relative standard deviation is that of the table's values, not that of their mean: a table is
-/// wrong in size in all its links together. (Independent errors of the parameters, products of
-/// inertia with means of zero among them, would draw the size towards zero and give it an interval
-/// that is too narrow: a quadrotor's inertias came out at 0.7 of their size ± 0.15.)
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Size {
-    /// Part of the estimate that has this size, base parameters without the mass.
-    pub part: DVector<f64>,
-    /// What the table says of it: a row over the columns `[Y | −E | w]`, of unit variance.
-    pub row: DVector<f64>,
-    /// Standard deviation of the size, in units of the part.
-    pub spread: f64,
-}
-
-impl Size {
-    /// Of the estimate `own`, if there is one undetermined direction and it is parallel to the
-    /// estimate in nearly all parameters that it changes; `columns` is the number of columns of the
-    /// rows.
-    fn of(
-        own: &DVector<f64>,
-        undetermined: &DMatrix<f64>,
-        prior: &PreparedPrior,
-        columns: usize,
-    ) -> Result<Option<Self>, IdentifyError> {
-        let unknowns = prior.mean.len();
-        if undetermined.ncols() != 1 {
-            return Ok(None);
-        }
-        let sd: Vec<f64> = prior.root.row_iter().map(|r| r.norm()).collect();
-        let mut changes = undetermined.rows(0, unknowns).into_owned();
-        for (mut row, sd) in changes.row_iter_mut().zip(&sd) {
-            row.unscale_mut(*sd);
-        }
-        changes.column_iter_mut().for_each(|mut c| {
-            c.try_normalize_mut(0.0);
-        });
-        let value = DVector::from_fn(unknowns, |i, _| own[i] / sd[i]);
-        let mut scaling: Vec<usize> = (0..unknowns).collect();
-        let mut part = DVector::zeros(unknowns);
-        for _ in 0..ITERATIONS {
-            let here = changes.select_rows(&scaling);
-            let inverse = here
-                .clone()
-                .pseudo_inverse(ROUNDING * here.norm())
-                .map_err(|problem| IdentifyError::Numeric(format!("the undetermined directions: {problem}")))?;
-            part = &changes * (inverse * value.select_rows(&scaling));
-            let parallel = |i: &usize| (part[*i] - value[*i]).abs() < 0.5 * value[*i].abs();
-            let next: Vec<usize> = (0..unknowns).filter(parallel).collect();
-            if next.len() < 2 {
-                return Ok(None);
-            }
-            let settled = next == scaling;
-            scaling = next;
-            if settled {
-                break;
-            }
-        }
-        let inside: f64 = scaling.iter().map(|&i| changes.row(i).norm_squared()).sum();
-        if inside < MOSTLY {
-            return Ok(None);
-        }
-        let squares = |f: &dyn Fn(usize) -> f64| scaling.iter().map(|&i| f(i) * f(i)).sum::<f64>();
-        let of_table = |i: usize| prior.mean[i] / sd[i];
-        let (length, table) = (squares(&|i| part[i]), squares(&of_table));
-        if length <= 0.0 || table <= 0.0 {
-            return Ok(None);
-        }
-        let size = (table / length).sqrt();
-        let spread = size * table.sqrt() / squares(&|i| of_table(i).powi(2)).sqrt();
-        let mut row = DVector::zeros(columns);
-        for &i in &scaling {
-            row[1 + i] = part[i] / sd[i] / length / spread;
-        }
-        row[columns - 1] = size / spread;
-        Ok(Some(Self { part: DVector::from_fn(unknowns, |i, _| part[i] * sd[i]), row, spread }))
-    }
-}
-
 /// The generalised decomposition of merged rows and their noise.
 #[derive(Debug, Clone)]
 pub(crate) struct NoiseMetric {
@@ -194,6 +104,8 @@ pub(crate) struct NoiseMetric {
     back: DMatrix<f64>,
     /// Directions along which no row changes, n × e.
     flat: DMatrix<f64>,
+    /// Length of a change along each of these, e × n.
+    along_flat: DMatrix<f64>,
     merged: Factor,
 }
 
@@ -202,12 +114,10 @@ pub(crate) struct NoiseMetric {
 pub(crate) struct InNoise {
     /// Rows with Gram `G − q S`, directions at the level of the noise left out.
     pub rows: Factor,
-    /// The same for links, which keep a size that the table gives.
-    pub of_links: Factor,
     /// q: mean square of the rows that the estimate leaves, over that of the noise.
     pub excess: f64,
-    /// Changes of the unknowns (parameters without the mass, effects) that the motion does not
-    /// determine, m × d.
+    /// What of the unknowns (parameters without the mass, effects) the motion does not determine:
+    /// the rows that were taken out, d × m.
     pub undetermined: DMatrix<f64>,
     /// Projection of columns that takes these changes out, n × n.
     pub determined: DMatrix<f64>,
@@ -219,8 +129,6 @@ pub(crate) struct InNoise {
     pub solution: Solution,
     /// For reports.
     pub units: NoiseUnits,
-    /// A size that the motion leaves to the table.
-    pub size: Option<Size>,
 }
 
 impl NoiseMetric {
@@ -254,8 +162,12 @@ impl NoiseMetric {
         let v = svd.V();
         let seen = DMatrix::from_fn(n, rank, |j, k| v[(j, k)]);
         let mut flat = complement(&seen);
+        let mut along_flat = flat.transpose();
         // a column without rows is a direction of its own
-        (0..n).for_each(|j| flat.row_mut(j).scale_mut(if length[j] > 0.0 { scale(j) } else { 1.0 }));
+        for j in (0..n).filter(|j| length[*j] > 0.0) {
+            flat.row_mut(j).scale_mut(scale(j));
+            along_flat.column_mut(j).scale_mut(length[j]);
+        }
         // noise along each right singular vector, per unit of the rows
         let along = Mat::from_fn(n, rank, |j, k| scale(j) * v[(j, k)] / singular[k]);
         let errors = Mat::from_fn(t.nrows(), n, |i, j| t[(i, j)]) * &along;
@@ -268,7 +180,7 @@ impl NoiseMetric {
             length[j] * (0..rank).map(|l| z[(l, k)] * singular[l] * v[(j, l)]).sum::<f64>()
         });
         let back = DMatrix::from_fn(n, rank, |j, k| (0..rank).map(|l| along[(j, l)] * z[(l, k)]).sum());
-        Ok(Self { rows, noise, back, flat, merged: merged.clone() })
+        Ok(Self { rows, noise, back, flat, along_flat, merged: merged.clone() })
     }
 
     /// Rows with Gram `G − q S`, without the directions at the level of the noise.
@@ -291,31 +203,29 @@ impl NoiseMetric {
         Ok(self.merged.corrected(dense.as_ref())?)
     }
 
-    /// Changes of ψ that keep the mass and the right-hand side and that the rows do not tell from
-    /// noise, n × d. The estimate is itself a direction at the level of the noise; what may be
-    /// added to it without changing its mass is undetermined.
-    fn undetermined(&self, q: f64) -> DMatrix<f64> {
+    /// Changes W of ψ that keep the mass and the right-hand side and that the rows do not tell from
+    /// noise, n × d, and the rows V that see nothing else, d × n with V W = 1. The estimate is
+    /// itself a direction at the level of the noise; what may be added to it without changing its
+    /// mass is undetermined.
+    fn undetermined(&self, q: f64) -> (DMatrix<f64>, DMatrix<f64>) {
         let n = self.rows.ncols();
-        let at_noise: Vec<_> =
-            (0..self.noise.len()).filter(|&k| self.is_noise(k, q)).map(|k| self.back.column(k)).collect();
-        let all: Vec<_> = at_noise.into_iter().chain(self.flat.column_iter()).collect();
-        if all.is_empty() {
-            return DMatrix::zeros(n, 0);
+        let at_noise: Vec<usize> = (0..self.noise.len()).filter(|&k| self.is_noise(k, q)).collect();
+        let (kept, flat) = (at_noise.len(), self.flat.ncols());
+        let changes = DMatrix::from_fn(n, kept + flat, |i, k| match at_noise.get(k) {
+            Some(&at) => self.back[(i, at)],
+            None => self.flat[(i, k - kept)],
+        });
+        let rows = DMatrix::from_fn(kept + flat, n, |k, i| match at_noise.get(k) {
+            Some(&at) => self.rows[(at, i)],
+            None => self.along_flat[(k - kept, i)],
+        });
+        let fixed: Vec<DVector<f64>> =
+            [0, n - 1].iter().filter_map(|&i| changes.row(i).transpose().try_normalize(0.0)).collect();
+        if changes.is_empty() || fixed.is_empty() {
+            return (changes, rows);
         }
-        let all = DMatrix::from_columns(&all);
-        let mut fixed = DMatrix::from_fn(all.ncols(), 2, |k, which| all[(if which == 0 { 0 } else { n - 1 }, k)]);
-        let mut kept = Vec::new();
-        for which in 0..2 {
-            let size = fixed.column(which).norm();
-            if size > 0.0 {
-                fixed.column_mut(which).unscale_mut(size);
-                kept.push(fixed.column(which).into_owned());
-            }
-        }
-        if kept.is_empty() {
-            return all;
-        }
-        all * complement(&orthonormal(&DMatrix::from_columns(&kept), PARALLEL))
+        let free = complement(&orthonormal(&DMatrix::from_columns(&fixed), PARALLEL));
+        (changes * &free, free.transpose() * rows)
     }
 
     /// Projection of columns that takes changes W of ψ out, conjugate to the rows:
@@ -363,8 +273,7 @@ impl NoiseMetric {
         let mut q = self.noise.first().filter(|m| **m > 0.0).map_or(0.0, |m| m.recip());
         let mut row_variance = f64::NAN;
         for _ in 0..ITERATIONS {
-            let above = self.rows_above(q);
-            let rows = self.factor_of(&above)?;
+            let rows = self.factor_of(&self.rows_above(q))?;
             let system = System::prepared(&rows, mass_kg, prior)?;
             if row_variance.is_nan() {
                 row_variance = self.row_variance(&system.solve(0.0));
@@ -376,43 +285,18 @@ impl NoiseMetric {
             row_variance = self.row_variance(&solution);
             if next <= q * (1.0 + 1e-9) {
                 let sigma = self.noise.iter().filter(|m| **m > 0.0).map(|m| m.sqrt().recip()).collect();
-                let changes = self.undetermined(q);
+                let (changes, rows_of) = self.undetermined(q);
                 let determined = self.without(&changes)?;
-                let undetermined = changes.rows(1, changes.nrows() - 2).into_owned();
-                let size = match prior.filter(|_| lambda > 0.0 && undetermined.ncols() > 0) {
-                    Some(prior) => Size::of(
-                        &solution.x.rows(1, prior.mean.len()).into_owned(),
-                        &undetermined,
-                        prior,
-                        self.rows.ncols(),
-                    )?,
-                    None => None,
-                };
-                let (rows, of_links, system, solution) = match (&size, prior) {
-                    (Some(size), Some(prior)) => {
-                        let with_size = |root: f64| {
-                            let height = above.nrows();
-                            self.factor_of(&DMatrix::from_fn(height + 1, above.ncols(), |i, j| {
-                                if i < height { above[(i, j)] } else { root * size.row[j] }
-                            }))
-                        };
-                        let rows = with_size(weight.sqrt())?;
-                        let system = System::prepared(&rows, mass_kg, Some(&prior.freed(&size.part)?))?;
-                        let solution = system.solve(weight);
-                        (rows, with_size(HELD * weight.sqrt())?, system, solution)
-                    }
-                    _ => (rows.clone(), rows, system, solution),
-                };
+                let undetermined = rows_of.columns_range(1..rows_of.ncols() - 1).into_owned();
                 let units = NoiseUnits {
                     sigma,
                     residual: next.sqrt(),
-                    undetermined: undetermined.ncols(),
+                    undetermined: undetermined.nrows(),
                     of_table: Vec::new(),
                     ratios: false,
                 };
                 return Ok(InNoise {
                     rows,
-                    of_links,
                     excess: q,
                     undetermined,
                     determined,
@@ -420,7 +304,6 @@ impl NoiseMetric {
                     system,
                     solution,
                     units,
-                    size,
                 });
             }
             q = next;

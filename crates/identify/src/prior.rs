@@ -2,14 +2,15 @@
 //! parameters.
 //!
 //! A link's ten parameters depend on ten interpretable numbers: relative mass, three shifts of the
-//! centre of mass, three stretches of the mass distribution along the link's axes (radii of
-//! gyration) and three shears (directions of the principal axes). Their standard deviations come
-//! from [`aloft_body::subject::PriorSd`]; a linear map converts them to φ. Left and right limbs are
-//! correlated, and links on the midline keep their mass near the plane of symmetry: single sides
-//! are less well determined than their sum, and without this constraint noise first causes a false
-//! lateral shift of the whole body.
+//! centre of mass, three logarithmic stretches of the mass distribution along the link's axes
+//! (radii of gyration) and three shears (directions of the principal axes). Their standard
+//! deviations come from [`aloft_body::subject::PriorSd`]; a linear map converts them to φ. Left and
+//! right limbs are correlated, and links on the midline keep their mass near the plane of symmetry:
+//! single sides are less well determined than their sum, and without this constraint noise first
+//! causes a false lateral shift of the whole body.
 
 use crate::IdentifyError;
+use crate::links::scaled_to_mass;
 use aloft_body::subject::PriorSd;
 use aloft_body::{BaseParameters, LinkBox, LinkInertia, Model, Phi, Subject};
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
@@ -58,16 +59,10 @@ pub struct LinkPrior {
     pub mean: DVector<f64>,
     /// Covariance of the stacked φ, (10 n)².
     pub covariance: DMatrix<f64>,
-    /// Part of the covariance of second order in the shifts of the centres of mass; inertias about
-    /// the centres of mass do not contain it.
-    pub second_order: DMatrix<f64>,
     /// Covariance of the ten numbers of all links, (10 n)²; see the module's description.
     pub numbers: DMatrix<f64>,
     /// For each link the box that holds its mass, if one is known; empty if none is.
     pub boxes: Vec<Option<LinkBox>>,
-    /// A change of the stacked φ of which the prior says nothing, in units of one standard
-    /// deviation; it is part of `covariance`.
-    free: Option<DVector<f64>>,
 }
 
 /// A prior whose linear map is taken at other links than its own.
@@ -77,14 +72,7 @@ pub(crate) struct PriorAt {
     pub mean: DVector<f64>,
     /// Covariance of the stacked φ, (10 n)².
     pub covariance: DMatrix<f64>,
-    /// As [`LinkPrior::second_order`].
-    pub second_order: DMatrix<f64>,
 }
-
-/// Standard deviation of a freed change, in units of itself: so wide that nothing else depends on
-/// it (less than 1 % of the weight of a size known to 30 %), and narrow enough for the rounding of
-/// a root.
-const FREED: f64 = 3.0;
 
 /// Standard deviation of the shears as a share of that of the radii.
 const SHEAR_SHARE: f64 = 0.5;
@@ -121,13 +109,20 @@ impl LinkPrior {
             if !positive {
                 return Err(bad(format!("link {i}: mass and standard deviations must be positive")));
             }
+            if !(0.0..1.0).contains(&sd.together) {
+                return Err(bad(format!("link {i}: correlation {} of the radii", sd.together)));
+            }
         }
         let mut mean = DVector::zeros(10 * n);
         let mut map = DMatrix::zeros(10 * n, 10 * n);
         let mut numbers = DMatrix::zeros(10 * n, 10 * n);
         for (i, (link, sd)) in links.iter().zip(sd).enumerate() {
             mean.rows_mut(10 * i, 10).copy_from(&link.to_phi());
-            map.view_mut((10 * i, 10 * i), (10, 10)).copy_from(&variation(link, &second_moment(link)));
+            map.view_mut((10 * i, 10 * i), (10, 10)).copy_from(&variation(
+                link,
+                &second_moment(link),
+                &STRAINS.map(unit_strain),
+            ));
             for (k, s) in deviations(sd).iter().enumerate() {
                 numbers[(10 * i + k, 10 * i + k)] = s * s;
             }
@@ -150,15 +145,21 @@ impl LinkPrior {
                 }
             }
         }
+        // what the radii of all links share
+        let shared = DVector::from_fn(10 * n, |i, _| {
+            let sd = &sd[i / 10];
+            if (4..7).contains(&(i % 10)) { sd.together.sqrt() * sd.radius_rel } else { 0.0 }
+        });
+        for (i, j) in (0..10 * n).flat_map(|i| (0..10 * n).map(move |j| (i, j))) {
+            let radii = |i: usize| if shared[i] > 0.0 { (1.0 - sd[i / 10].together).sqrt() } else { 1.0 };
+            numbers[(i, j)] = radii(i) * radii(j) * numbers[(i, j)] + shared[i] * shared[j];
+        }
         let mut covariance = &map * &numbers * map.transpose();
-        let mut second_order = DMatrix::zeros(10 * n, 10 * n);
         for (i, (link, sd)) in links.iter().zip(sd).enumerate() {
             let mut block = covariance.fixed_view_mut::<10, 10>(10 * i, 10 * i);
-            let own = of_second_order(link.mass_kg, sd.com_m);
-            block += own;
-            second_order.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&own);
+            block += of_second_order(link.mass_kg, sd.com_m);
         }
-        Ok(Self { links: links.to_vec(), mean, covariance, second_order, numbers, boxes: Vec::new(), free: None })
+        Ok(Self { links: links.to_vec(), mean, covariance, numbers, boxes: Vec::new() })
     }
 
     /// The same prior in base parameters.
@@ -173,57 +174,37 @@ impl LinkPrior {
                 found: self.mean.len(),
             });
         }
-        let b = &base.from_full;
-        Ok(Prior { mean: b * &self.mean, covariance: b * &self.covariance * b.transpose() })
+        Ok(Prior::of_links(base, &self.mean, &self.covariance))
     }
 
-    /// The prior with its linear map taken at the links `at`: their ten numbers x̂ relative to the
-    /// prior's links, scaled as in `own`, give the mean `φ̂ − F x̂` with `F = ∂φ/∂x` at x̂. `None`
-    /// if a link is not consistent.
-    pub(crate) fn at(&self, own: &[Phi], at: &[Phi]) -> Option<PriorAt> {
-        let n = self.links.len();
-        let mut mean = DVector::zeros(10 * n);
-        let mut map = DMatrix::zeros(10 * n, 10 * n);
-        let mut second_order = DMatrix::zeros(10 * n, 10 * n);
-        for (i, (own, phi)) in own.iter().zip(at).enumerate() {
-            let (x, f) = deformation(own, phi)?;
-            mean.fixed_rows_mut::<10>(10 * i).copy_from(&(phi - f * x));
-            map.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&f);
-            let ratio = phi[0] / self.links[i].mass_kg;
-            let block = self.second_order.fixed_view::<10, 10>(10 * i, 10 * i) * (ratio * ratio);
-            second_order.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&block);
-        }
-        let mut covariance = &map * &self.numbers * map.transpose() + &second_order;
-        if let Some(free) = &self.free {
-            covariance.ger(1.0, free, free, 1.0);
-        }
-        Some(PriorAt { mean, covariance, second_order })
-    }
-
-    /// The prior without an opinion on how far a change of the base parameters (without the mass)
-    /// goes.
+    /// The prior in base parameters with its linear map taken at given links, as the estimate in
+    /// the metric of the noise takes it at those that it finds. Links that differ too much from the
+    /// prior's, or too thin ones, have the map of the prior's own links.
     ///
     /// # Errors
-    /// As [`LinkPrior::base`]; [`IdentifyError::Numeric`] for a covariance that is singular.
-    pub(crate) fn freed(&self, base: &BaseParameters, change: &DVector<f64>) -> Result<Self, IdentifyError> {
-        let singular = || IdentifyError::Numeric("the prior covariance is singular".to_owned());
-        let prior = self.base(base)?;
-        let root = covariance_root(&prior.covariance)?;
-        let inverse = root.try_inverse().ok_or_else(singular)?;
-        let whole = change.clone().insert_row(0, 0.0);
-        // the links' change that the prior expects with it
-        let phi = &self.covariance * base.from_full.tr_mul(&inverse.tr_mul(&(&inverse * whole)));
-        let mut out = self.clone();
-        let free = phi * FREED;
-        out.covariance.ger(1.0, &free, &free, 1.0);
-        out.free = Some(free);
-        Ok(out)
+    /// As [`LinkPrior::base`].
+    pub fn base_at(&self, base: &BaseParameters, mass_kg: f64, links: &[LinkInertia]) -> Result<Prior, IdentifyError> {
+        let n = self.links.len();
+        let (mut phi, mut numbers) = (DVector::zeros(10 * n), DVector::zeros(10 * n));
+        let mut map = DMatrix::zeros(10 * n, 10 * n);
+        let own = scaled_to_mass(self, mass_kg);
+        for (i, (own, link)) in own.iter().zip(links).enumerate() {
+            let Some((x, f)) = deformation(own, &link.to_phi()) else { return self.base(base) };
+            phi.fixed_rows_mut::<10>(10 * i).copy_from(&link.to_phi());
+            numbers.fixed_rows_mut::<10>(10 * i).copy_from(&x);
+            map.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&f);
+        }
+        if links.len() != n || base.from_full.ncols() != 10 * n {
+            return self.base(base);
+        }
+        let at = self.mapped(&phi, &map, &numbers);
+        Ok(Prior::of_links(base, &at.mean, &at.covariance))
     }
 
-    /// Change of the stacked φ of which the prior says nothing, for a change by one of the base
-    /// parameters that were freed.
-    pub(crate) fn free(&self) -> Option<DVector<f64>> {
-        self.free.as_ref().map(|free| free / FREED)
+    /// The prior with its linear map F = ∂φ/∂x taken at links φ̂, whose ten numbers relative to the
+    /// prior's links are x̂: the mean is `φ̂ − F x̂`.
+    pub(crate) fn mapped(&self, phi: &DVector<f64>, map: &DMatrix<f64>, numbers: &DVector<f64>) -> PriorAt {
+        PriorAt { mean: phi - map * numbers, covariance: map * &self.numbers * map.transpose() }
     }
 
     /// The parameters of each link.
@@ -305,38 +286,83 @@ fn roots(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
     Some((of(eigen.eigenvalues.map(f64::sqrt)), of(eigen.eigenvalues.map(|l| l.sqrt().recip()))))
 }
 
-/// The ten numbers by which a link differs from `own`, and ∂φ/∂(ten numbers) there. With the second
-/// moments S per unit of mass about the centres of mass, `S = (1 + E) S₀ (1 + E)` has one solution
-/// with `1 + E` symmetric and positive definite.
+/// The ten numbers by which a link differs from `own`, and ∂φ/∂(ten numbers) there: the logarithm
+/// of the ratio of masses, the shift of the centre of mass, and the strain E with which the second
+/// moments S per unit of mass about the centres of mass are `S = exp(E) S₀ exp(E)`, which has one
+/// solution with E symmetric (Hencky's strain). Its logarithm makes a size and its inverse equally
+/// likely and independent of the shape: with `1 + E` a link whose ratios differ from the table's is
+/// pulled to a smaller size.
 fn deformation(own: &Phi, phi: &Phi) -> Option<(SMatrix<f64, 10, 1>, SMatrix<f64, 10, 10>)> {
     let (from, to) = (LinkInertia::from_phi(own), LinkInertia::from_phi(phi));
     let before = second_moment(&from) / from.mass_kg;
     let (root, inverse) = roots(&before)?;
     let (middle, _) = roots(&(root * (second_moment(&to) / to.mass_kg) * root))?;
-    let stretch = inverse * middle * inverse;
+    let (e, by_strain) = logarithm(&(inverse * middle * inverse))?;
     let shift = to.com_m - from.com_m;
-    let e = stretch - Matrix3::identity();
-    let x = SMatrix::<f64, 10, 1>::from_column_slice(&[
-        to.mass_kg / from.mass_kg - 1.0,
-        shift.x,
-        shift.y,
-        shift.z,
-        e[(0, 0)],
-        e[(1, 1)],
-        e[(2, 2)],
-        e[(1, 2)],
-        e[(2, 0)],
-        e[(0, 1)],
-    ]);
-    let mut map = variation(&to, &(before * stretch * to.mass_kg));
-    let mass = map.column(0) * (from.mass_kg / to.mass_kg);
-    map.set_column(0, &mass);
-    Some((x, map))
+    let mut x = SMatrix::<f64, 10, 1>::zeros();
+    x[0] = (to.mass_kg / from.mass_kg).ln();
+    x.fixed_rows_mut::<3>(1).copy_from(&shift);
+    STRAINS.iter().enumerate().for_each(|(k, &at)| x[4 + k] = e[at]);
+    let stretch = inverse * middle * inverse;
+    Some((x, variation(&to, &(before * stretch * to.mass_kg), &by_strain)))
 }
 
-/// ∂φ/∂(ten numbers) at a link; `behind` is the matrix B for which a strain E changes the second
-/// moments about the centre of mass by `E B + Bᵀ E` (at the prior these moments themselves).
-fn variation(link: &LinkInertia, behind: &Matrix3<f64>) -> SMatrix<f64, 10, 10> {
+/// The link that differs from `own` by ten numbers, and ∂φ/∂(ten numbers) there; `None` if they
+/// overflow. The inverse of [`deformation`].
+pub(crate) fn deformed(own: &Phi, x: &SMatrix<f64, 10, 1>) -> Option<(Phi, SMatrix<f64, 10, 10>)> {
+    let from = LinkInertia::from_phi(own);
+    let before = second_moment(&from) / from.mass_kg;
+    let mut e = Matrix3::zeros();
+    for (k, &(a, b)) in STRAINS.iter().enumerate() {
+        (e[(a, b)], e[(b, a)]) = (x[4 + k], x[4 + k]);
+    }
+    let eigen = e.symmetric_eigen();
+    let stretch =
+        eigen.eigenvectors * Matrix3::from_diagonal(&eigen.eigenvalues.map(f64::exp)) * eigen.eigenvectors.transpose();
+    let (_, by_strain) = logarithm(&stretch)?;
+    let mass_kg = from.mass_kg * x[0].exp();
+    let behind = before * stretch * mass_kg;
+    let second = stretch * behind;
+    let to = LinkInertia {
+        mass_kg,
+        com_m: from.com_m + x.fixed_rows::<3>(1),
+        inertia_com_kgm2: Matrix3::identity() * second.trace() - second,
+    };
+    let phi = to.to_phi();
+    phi.iter().all(|v| v.is_finite()).then(|| (phi, variation(&to, &behind, &by_strain)))
+}
+
+/// Logarithm E of a symmetric positive definite matrix, and the change of `exp(E)` for each of the
+/// changes of E in the order of the ten numbers (Daleckii and Krein).
+fn logarithm(stretch: &Matrix3<f64>) -> Option<(Matrix3<f64>, [Matrix3<f64>; 6])> {
+    let eigen = stretch.symmetric_eigen();
+    if !eigen.eigenvalues.iter().all(|l| *l > 0.0 && l.is_finite()) {
+        return None;
+    }
+    let (v, l) = (&eigen.eigenvectors, &eigen.eigenvalues);
+    // divided differences of the exponential between logarithms; of equal ones its derivative
+    let divided = Matrix3::from_fn(|i, j| {
+        let apart = (l[i] / l[j]).ln();
+        if apart.abs() < 1e-8 { l[j] } else { (l[i] - l[j]) / apart }
+    });
+    let change = STRAINS.map(|at| v * divided.component_mul(&(v.transpose() * unit_strain(at) * v)) * v.transpose());
+    Some((v * Matrix3::from_diagonal(&l.map(f64::ln)) * v.transpose(), change))
+}
+
+/// Places of the six strains in a symmetric matrix, in the order of the ten numbers.
+const STRAINS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)];
+
+fn unit_strain((a, b): (usize, usize)) -> Matrix3<f64> {
+    let mut strain = Matrix3::zeros();
+    strain[(a, b)] = 1.0;
+    strain[(b, a)] = 1.0;
+    strain
+}
+
+/// ∂φ/∂(ten numbers) at a link; `behind` is the matrix B for which a change X of the stretch
+/// changes the second moments about the centre of mass by `X B + Bᵀ X` (at the prior these moments
+/// themselves), `strains` the changes X for each of the six strains.
+fn variation(link: &LinkInertia, behind: &Matrix3<f64>, strains: &[Matrix3<f64>; 6]) -> SMatrix<f64, 10, 10> {
     let i = link.inertia_com_kgm2;
     let inertia_of = |s: Matrix3<f64>| Matrix3::identity() * s.trace() - s;
     let about_origin = |mass: f64, com: Vector3<f64>, inertia: Matrix3<f64>| {
@@ -367,11 +393,7 @@ fn variation(link: &LinkInertia, behind: &Matrix3<f64>) -> SMatrix<f64, 10, 10> 
         column[1 + k] = m;
         out.set_column(1 + k, &column);
     }
-    let strains = [(0, 0), (1, 1), (2, 2), (1, 2), (2, 0), (0, 1)];
-    for (k, &(a, b)) in strains.iter().enumerate() {
-        let mut strain = Matrix3::zeros();
-        strain[(a, b)] = 1.0;
-        strain[(b, a)] = 1.0;
+    for (k, strain) in strains.iter().enumerate() {
         let change = strain * behind + behind.transpose() * strain;
         out.set_column(4 + k, &about_origin(0.0, Vector3::zeros(), inertia_of(change)));
     }
@@ -388,6 +410,12 @@ pub struct Prior {
 }
 
 impl Prior {
+    /// That of links with the stacked φ `mean` and its covariance.
+    pub(crate) fn of_links(base: &BaseParameters, mean: &DVector<f64>, covariance: &DMatrix<f64>) -> Self {
+        let b = &base.from_full;
+        Self { mean: b * mean, covariance: b * covariance * b.transpose() }
+    }
+
     /// Mean and root of the covariance of all base parameters except the mass, conditional on the
     /// mass. The prior given the mass, ready for many systems: the root of its covariance takes
     /// longer than a solution.
@@ -417,25 +445,6 @@ impl Prior {
         }
         let root = covariance_root(&rest)?;
         Ok((mean, root))
-    }
-}
-
-impl Prior {
-    /// The prior without an opinion on how far a change of the parameters (without the mass) goes.
-    pub(crate) fn freed(&self, change: &DVector<f64>) -> Self {
-        let mut out = self.clone();
-        let whole = change.clone().insert_row(0, 0.0);
-        out.covariance.ger(FREED * FREED, &whole, &whole, 1.0);
-        out
-    }
-}
-
-impl PreparedPrior {
-    /// As [`Prior::freed`].
-    pub(crate) fn freed(&self, change: &DVector<f64>) -> Result<Self, IdentifyError> {
-        let mut covariance = &self.root * self.root.transpose();
-        covariance.ger(FREED * FREED, change, change, 1.0);
-        Ok(Self { mean: self.mean.clone(), root: covariance_root(&covariance)? })
     }
 }
 

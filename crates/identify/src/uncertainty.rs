@@ -1,4 +1,4 @@
-//! Variances of all estimates, from three sources, each with its degrees of freedom.
+//! Variances of all estimates, from four sources, each with its degrees of freedom.
 //!
 //! To first order the error of an estimate is a linear function of the errors of the rows, of the
 //! prior and of the kinematics:
@@ -10,19 +10,21 @@
 //!    of the rows as degrees of freedom, because neighbouring windows overlap.
 //! 2. **Prior.** Its own spread causes a bias where it constrains an estimate. This part is known,
 //!    not estimated.
-//! 3. **Soft tissue.** Slides of the skin repeat from flight to flight, so the spread does not show
-//!    them. They are a random effect: [`aloft_regressor::tissue`] draws it, and its size is that of
-//!    the marker residuals.
+//! 3. **Markers.** Movements of the skin repeat with the posture from flight to flight, so the
+//!    spread does not show them. They are drawn as the floor of a comparison draws them, from the
+//!    markers' residuals ([`aloft_regressor::repeated`]).
+//! 4. **Geometry.** Joint centres, hinge axes and marker places are wrong in all recordings alike.
+//!    Their draws are those of the calibration, and mass moves with its bones.
 //!
 //! The parts are added, and their degrees of freedom are combined by Satterthwaite's formula
 //! ([`crate::interval::satterthwaite`]).
 
+use crate::IdentifyError;
 use crate::clusters::Clusters;
-use crate::interval::satterthwaite;
+use crate::interval::{not_negative, satterthwaite};
 use crate::links::{ConsistentLinks, gradient};
-use crate::prior::covariance_root;
 use aloft_body::BaseParameters;
-use aloft_regressor::{Factor, Slides, StretchKind};
+use aloft_regressor::{Factor, RepeatedErrors, StretchKind};
 use nalgebra::{DMatrix, DVector};
 
 /// Fewest clusters needed to estimate standard errors from their spread.
@@ -34,40 +36,57 @@ const OVERLAP: f64 = 3.0;
 /// A variance and its degrees of freedom.
 pub(crate) type Variance = (f64, f64);
 
-/// Soft tissue errors in a fit.
+/// Errors in a fit that repeat over the recordings of a session: of the markers, then of the
+/// geometry.
 #[derive(Debug, Clone)]
-pub(crate) struct Tissue {
+pub(crate) struct Repeating {
     /// `A_gᵀ D_g` of each cluster for the parameters without the mass and the effects, one column
-    /// for each realisation, divided by the square root of their number.
+    /// for each draw, divided by the square root of the number of its kind.
     sums: Vec<DMatrix<f64>>,
-    /// Size of the slides, m/rad.
-    pub size: f64,
+    /// Number of draws of the markers' errors, the first columns; the others are of the geometry.
+    of_markers: usize,
 }
 
-impl Tissue {
-    /// From the slides of all factors, in the same order, with the cluster of each;
-    /// `contact_weight` is the factor applied to contact rows. `None` without slides, or if the
-    /// markers show none.
-    pub fn of(factors: &[Factor], slides: &[Slides], groups: &[usize], contact_weight: f64) -> Option<Self> {
-        let first = slides.first().filter(|_| slides.len() == factors.len())?;
-        let (n, draws) = first.sums.shape();
+impl Repeating {
+    /// From the errors of all factors, in the same order, with the cluster of each;
+    /// `contact_weight` is the factor applied to contact rows. `None` without draws.
+    ///
+    /// # Errors
+    /// [`IdentifyError::Length`] for errors that do not belong to the factors.
+    pub fn of(
+        factors: &[Factor],
+        errors: &[RepeatedErrors],
+        groups: &[usize],
+        contact_weight: f64,
+    ) -> Result<Option<Self>, IdentifyError> {
+        let Some(first) = errors.first() else { return Ok(None) };
+        let ((_, draws), others) = (first.markers.shape(), first.geometry.ncols());
+        if draws + others == 0 {
+            return Ok(None);
+        }
+        let of = |f: &Factor| f.n_parameters() + f.n_effects();
+        let n = factors.first().map_or(0, of);
+        let fits = |found: usize, expected: usize, what: &'static str| {
+            if found == expected { Ok(()) } else { Err(IdentifyError::Length { what, expected, found }) }
+        };
+        fits(errors.len(), factors.len(), "errors that repeat")?;
         let count = groups.iter().max().map_or(0, |g| g + 1);
-        let (mut sums, mut predicted, mut observed) = (vec![DMatrix::zeros(n, draws); count], 0.0, 0.0);
-        for ((factor, slides), group) in factors.iter().zip(slides).zip(groups) {
-            if slides.sums.shape() != (n, draws) {
-                return None;
+        let mut sums = vec![DMatrix::zeros(n, draws + others); count];
+        let per_root = |count: usize| (count.max(1) as f64).sqrt().recip();
+        for ((factor, errors), group) in factors.iter().zip(errors).zip(groups) {
+            for (rows, columns, count) in [
+                (errors.markers.nrows(), errors.markers.ncols(), draws),
+                (errors.geometry.nrows(), errors.geometry.ncols(), others),
+            ] {
+                fits(rows, n, "rows of the errors that repeat")?;
+                fits(columns, count, "draws of the errors that repeat")?;
             }
             let weight = if factor.kind == StretchKind::Contact { contact_weight * contact_weight } else { 1.0 };
-            sums[*group] += &slides.sums * weight;
-            predicted += slides.predicted;
-            observed += slides.observed;
+            let (mut markers, mut geometry) = sums[*group].columns_range_pair_mut(..draws, draws..);
+            markers += &errors.markers * (weight * per_root(draws));
+            geometry += &errors.geometry * (weight * per_root(others));
         }
-        let size = (observed / predicted).sqrt();
-        if !(size > 0.0 && size.is_finite()) {
-            return None;
-        }
-        let scaled = sums.iter().map(|s| s.rows(1, n - 1) * (size / (draws as f64).sqrt())).collect();
-        Some(Self { sums: scaled, size })
+        Ok(Some(Self { sums: sums.into_iter().map(|s| s.remove_row(0)).collect(), of_markers: draws }))
     }
 }
 
@@ -88,10 +107,12 @@ pub(crate) struct Uncertainty {
     weight: f64,
     /// Factor applied to the spread among clusters.
     inflation: f64,
-    /// `Uᵀ⁻¹ Σ A_gᵀ D_g`.
-    tissue: Option<DMatrix<f64>>,
+    /// `Uᵀ⁻¹ Σ A_gᵀ D_g` of what repeats.
+    repeating: Option<DMatrix<f64>>,
     /// The same by cluster.
-    tissue_of: Vec<DMatrix<f64>>,
+    repeating_of: Vec<DMatrix<f64>>,
+    /// Number of its first columns that are of the markers.
+    of_markers: usize,
     /// Variance s² of a row in the working model.
     row_variance: f64,
 }
@@ -107,15 +128,16 @@ impl Uncertainty {
         weight: f64,
         inflation: f64,
         robust: bool,
-        tissue: Option<&Tissue>,
+        repeating: Option<&Repeating>,
     ) -> Self {
         let pooled = (!robust || clusters.len() < MIN_CLUSTERS)
             .then(|| (row_variance, ((rows as f64 - effective) / OVERLAP).max(1.0)));
-        let tissue_of: Vec<DMatrix<f64>> = tissue
-            .filter(|t| t.sums.iter().all(|s| s.nrows() == clusters.unknowns()))
-            .map_or_else(Vec::new, |t| t.sums.iter().map(|s| clusters.reach(s)).collect());
-        let tissue = tissue_of.iter().cloned().reduce(|a, b| a + b);
-        Self { clusters, pooled, weight, inflation, tissue, tissue_of, row_variance }
+        let repeating = repeating.filter(|t| t.sums.iter().all(|s| s.nrows() == clusters.unknowns()));
+        let of_markers = repeating.map_or(0, |r| r.of_markers);
+        let repeating_of: Vec<DMatrix<f64>> =
+            repeating.map_or_else(Vec::new, |r| r.sums.iter().map(|s| clusters.reach(s)).collect());
+        let repeating = repeating_of.iter().cloned().reduce(|a, b| a + b);
+        Self { clusters, pooled, weight, inflation, repeating, repeating_of, of_markers, row_variance }
     }
 
     /// True if the spread among clusters is used.
@@ -127,10 +149,10 @@ impl Uncertainty {
     /// among clusters that the rows' errors account for, and the middle factor of the covariance
     /// before it is reduced to that share.
     ///
-    /// Residuals also contain the error of the prior and the slides of soft tissue, whose variances
-    /// are added as parts of their own; what they contribute to the spread is not counted twice. In
-    /// the working model (rows of variance s², prior of weight w with its stated covariance, slides
-    /// of the size that the markers show) the spread of a function is expected to be
+    /// Residuals also contain the error of the prior and the drawn errors, whose variances are
+    /// added as parts of their own; what they contribute to the spread is not counted twice. In the
+    /// working model (rows of variance s², prior of weight w with its stated covariance, errors as
+    /// they are drawn) the spread of a function is expected to be
     /// `s² Σ cᵀG_g c + (w − s²) Σ b_gᵀ(1 − ΣG) b_g + Σ ‖cᵀ(1 − G_g)^(−1/2)(T_g − G_g ΣT)‖²`, of
     /// which the first term is the variance caused by the rows.
     fn rows(&self, functions: &DMatrix<f64>) -> Rows {
@@ -138,12 +160,12 @@ impl Uncertainty {
             Some((variance, freedom)) => {
                 let gram = self.clusters.gram() * (variance * self.inflation);
                 let by_rows = &gram * functions;
-                let of = |k| (functions.column(k).dot(&by_rows.column(k)).max(0.0), freedom);
+                let of = |k| (not_negative(functions.column(k).dot(&by_rows.column(k))), freedom);
                 let n = functions.ncols();
                 Rows { variances: (0..n).map(of).collect(), shares: vec![1.0; n], middle: gram }
             }
             None => {
-                let spread = self.clusters.spread(functions, &self.tissue_of);
+                let spread = self.clusters.spread(functions, &self.repeating_of);
                 let share = |k: usize| {
                     let own = self.row_variance * spread.own[k];
                     let repeated = (self.weight - self.row_variance) * spread.by_prior[k] + spread.by_known[k];
@@ -165,12 +187,13 @@ impl Uncertainty {
     fn together(&self, functions: &DMatrix<f64>, rows: &[Variance], known: &[f64]) -> Vec<Variance> {
         (0..functions.ncols())
             .map(|k| {
-                let tissue = self.tissue.as_ref().map(|t| {
-                    let reach = t.tr_mul(&functions.column(k));
-                    (reach.norm_squared(), t.ncols() as f64)
-                });
-                let parts: Vec<Variance> =
-                    [Some(rows[k]), Some((known[k], f64::INFINITY)), tissue].into_iter().flatten().collect();
+                let mut parts = vec![rows[k], (known[k], f64::INFINITY)];
+                if let Some(repeating) = &self.repeating {
+                    let reach = repeating.tr_mul(&functions.column(k));
+                    for part in [reach.rows_range(..self.of_markers), reach.rows_range(self.of_markers..)] {
+                        parts.extend((!part.is_empty()).then(|| (part.norm_squared(), part.len() as f64)));
+                    }
+                }
                 satterthwaite(&parts)
             })
             .collect()
@@ -185,8 +208,8 @@ impl Uncertainty {
         let gram = self.clusters.gram();
         let m = gram.nrows();
         let mut middle = (DMatrix::identity(m, m) - gram) * self.weight;
-        if let Some(t) = &self.tissue {
-            middle += t * t.transpose();
+        if let Some(r) = &self.repeating {
+            middle += r * r.transpose();
         }
         let freedom = std::iter::once(f64::INFINITY).chain(variances.iter().map(|v| v.1)).collect();
         let mut covariance = self.clusters.covariance(&rows.middle);
@@ -207,7 +230,6 @@ impl Uncertainty {
         merged: &Factor,
         base: &BaseParameters,
         row_variance: f64,
-        prior_weight: f64,
     ) -> Vec<[Variance; 10]> {
         let n = links.phi.len();
         let mut gradients = DMatrix::zeros(10 * n, 10 * n);
@@ -229,21 +251,7 @@ impl Uncertainty {
                 by_rows.rows_mut(p - 1, k).copy_from(&(-eliminated));
             }
         }
-        let all_known = by_columns(&gradients, &links.known);
-        // second-order shifts change moments about the origin, not those about the centre of mass
-        // none: without them the intervals are the wider ones
-        let beyond = covariance_root(&links.prior_covariance).ok().and_then(DMatrix::try_inverse).map(|inverse| {
-            let back = inverse.tr_mul(&inverse) * (&follow * prior_weight);
-            by_columns(&back, &links.second_order)
-        });
-        let known: Vec<f64> = all_known
-            .iter()
-            .enumerate()
-            .map(|(k, all)| {
-                let second = beyond.as_ref().filter(|_| k % 10 >= 4).map_or(0.0, |b| b[k]);
-                all - second.min(0.9 * all)
-            })
-            .collect();
+        let known = by_columns(&gradients, &links.known);
         let functions = self.clusters.functions(&by_rows);
         let all = self.together(&functions, &self.rows(&functions).variances, &known);
         (0..n).map(|j| std::array::from_fn(|i| all[10 * j + i])).collect()
@@ -260,10 +268,10 @@ pub fn jackknife_freedom(shares: &[f64]) -> f64 {
 /// `cᵀ M c` for every column c.
 fn by_columns(columns: &DMatrix<f64>, m: &DMatrix<f64>) -> Vec<f64> {
     let product = m * columns;
-    columns.column_iter().zip(product.column_iter()).map(|(c, p)| c.dot(&p).max(0.0)).collect()
+    columns.column_iter().zip(product.column_iter()).map(|(c, p)| not_negative(c.dot(&p))).collect()
 }
 
 /// Standard deviations of the given variances.
 pub(crate) fn deviations(variances: &[Variance]) -> DVector<f64> {
-    DVector::from_iterator(variances.len(), variances.iter().map(|v| v.0.max(0.0).sqrt()))
+    DVector::from_iterator(variances.len(), variances.iter().map(|v| not_negative(v.0).sqrt()))
 }

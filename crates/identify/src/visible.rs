@@ -8,7 +8,7 @@
 //! use the others, and the coefficients left out are reported as not determined, with the reason.
 
 use crate::{EffectEstimate, IdentifyError};
-use aloft_regressor::{Factor, Slides};
+use aloft_regressor::{Factor, RepeatedErrors};
 use nalgebra::{DMatrix, DVector};
 
 /// A column whose part outside the span of the columns before it is below this share of its length
@@ -152,12 +152,13 @@ impl Visible {
         factors.iter().map(|f| self.reduce(f)).collect()
     }
 
-    /// Soft tissue errors of the reduced rows.
-    pub(crate) fn reduce_slides(&self, slides: &Slides) -> Slides {
-        let mut out = slides.clone();
+    /// Errors of the reduced rows.
+    pub(crate) fn reduce_errors(&self, errors: &RepeatedErrors) -> RepeatedErrors {
+        let mut out = errors.clone();
         if !self.all() {
             let places: Vec<usize> = self.places().collect();
-            out.sums = out.sums.select_rows(&places);
+            out.markers = out.markers.select_rows(&places);
+            out.geometry = out.geometry.select_rows(&places);
         }
         out
     }

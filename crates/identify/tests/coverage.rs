@@ -9,12 +9,14 @@
 #[path = "../../regressor/tests/common/mod.rs"]
 mod common;
 
-use aloft_body::LinkInertia;
-use aloft_body::subject::PriorSd;
-use aloft_identify::{Estimator, IdentifyOptions, LinkPrior, Origin, Parameters, Symmetry, identify_with_slides};
+use aloft_body::subject::{PersonFacts, PriorSd};
+use aloft_body::{LinkInertia, Motion, Subject};
+use aloft_identify::{Estimator, IdentifyOptions, LinkPrior, Origin, Parameters, Symmetry, identify_with_errors};
+use aloft_ik::{IkOptions, MarkerErrors};
 use aloft_regressor::{
-    Acting, CoordinateNoise, EffectColumns, Factor, Noise, Slides, Tissue, WeakOptions, weak_factor_with_tissue,
+    Acting, CoordinateNoise, EffectColumns, Factor, Noise, RepeatedErrors, Seen, WeakOptions, weak_factor_with_repeated,
 };
+use aloft_trial::{Markers, Trial};
 use common::{Truth, load};
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use rand::SeedableRng;
@@ -99,7 +101,7 @@ fn symmetry(truth: &Truth) -> Symmetry {
 
 /// A drag on the root link and a constant force at it, neither of which acts: both true
 /// coefficients are zero. The drag's column comes from the noisy motion, like every effect column.
-fn effects(truth: &Truth, motion: &aloft_body::Motion) -> EffectColumns {
+fn effects(truth: &Truth, motion: &Motion) -> EffectColumns {
     let n = motion.n_frames();
     let place = |f: usize| Vector3::new(motion.q(f)[0], motion.q(f)[1], motion.q(f)[2]);
     let wrench = (0..n)
@@ -129,41 +131,54 @@ struct Case {
     prior: PriorSd,
 }
 
+/// Motions with other errors of the markers, drawn as for a recording.
+fn drawn(truth: &Truth, motion: &Motion, places: Vec<Vec<Vector3<f64>>>) -> Vec<Motion> {
+    let n = motion.n_frames();
+    let labels = truth.markers.iter().map(|m| m.label.clone()).collect();
+    let markers = Markers { rate_hz: motion.rate_hz, first_frame: 1, n_frames: n, labels, trajectories: places };
+    let subject = Subject {
+        facts: PersonFacts { name: String::new(), sex: None, height_m: None, mass_kg: truth.mass() },
+        model: truth.model.clone(),
+        markers: truth.markers.clone(),
+        prior: Vec::new(),
+        prior_sd: Vec::new(),
+        static_q: motion.q(0).to_vec(),
+        provenance: Vec::new(),
+        estimated: None,
+        boxes: Vec::new(),
+    };
+    let options = IkOptions { marker_sd_m: MARKER_SD_M, ..IkOptions::default() };
+    let errors = MarkerErrors::of(&subject, &Trial { markers, ..Trial::default() }, motion, &options).unwrap().unwrap();
+    let flights = truth.stretches();
+    let wanted = |_, f| flights.iter().any(|s| (s.first_frame..s.end_frame).contains(&f));
+    errors.draw_each(motion, &wanted, 1, 0..24)
+}
+
 fn one(truth: &Truth, case: &Case, seed: u64) -> Parameters {
     let person = truth.phi.len() > 3;
     let sides = person.then(|| symmetry(truth));
     let prior = prior(truth, case.prior, sides.as_ref(), seed ^ 0x9e3d);
-    let motion = truth.tracked(MARKER_SD_M, case.soft_m, seed);
+    let (motion, places) = truth.recorded(MARKER_SD_M, case.soft_m, seed);
     let columns = case.effects.then(|| effects(truth, &motion));
     let noise = Noise {
         slow: if person { 5.0 } else { 0.0 },
         ..Noise::white(CoordinateNoise::Markers { markers: &truth.markers, sd_m: MARKER_SD_M })
     };
     let options = WeakOptions { window_s: Some(case.window_s), ..WeakOptions::default() };
-    let tissue = Tissue::new(&truth.markers, MARKER_SD_M);
-    let (factors, slides): (Vec<Factor>, Vec<Slides>) = truth
+    let seen = if case.soft_m > 0.0 { drawn(truth, &motion, places) } else { Vec::new() };
+    let seen = Seen { markers: &seen, geometry: &[] };
+    let (factors, errors): (Vec<Factor>, Vec<RepeatedErrors>) = truth
         .stretches()
         .iter()
         .map(|s| {
             let acting = Acting { measured: None, effects: columns.as_ref() };
-            let noise = case.white.then_some(&noise);
-            weak_factor_with_tissue(
-                &truth.model,
-                &truth.base,
-                &prior.phi(),
-                &motion,
-                s,
-                acting,
-                &options,
-                noise,
-                &tissue,
-            )
-            .unwrap()
+            let (phi, noise) = (prior.phi(), case.white.then_some(&noise));
+            let (model, base) = (&truth.model, &truth.base);
+            weak_factor_with_repeated(model, base, &phi, &motion, s, acting, &options, noise, &seen).unwrap()
         })
         .unzip();
-    let slides = if case.soft_m > 0.0 { slides } else { Vec::new() };
     let options = IdentifyOptions { estimator: case.estimator, ..IdentifyOptions::default() };
-    identify_with_slides(&truth.model, &truth.base, &factors, None, &slides, truth.mass(), Some(&prior), &options)
+    identify_with_errors(&truth.model, &truth.base, &factors, None, &errors, truth.mass(), Some(&prior), &options)
         .unwrap()
         .parameters
 }
@@ -327,9 +342,9 @@ fn seed(usual: u64) -> u64 {
     std::env::var("ALOFT_COVERAGE_SEED").ok().and_then(|s| s.parse().ok()).unwrap_or(usual)
 }
 
-const OBJECT: PriorSd = PriorSd { mass_rel: 0.1, com_m: 0.005, radius_rel: 0.1 };
-const WIDE: PriorSd = PriorSd { mass_rel: 0.12, com_m: 0.02, radius_rel: 0.15 };
-const TABLE: PriorSd = PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1 };
+const OBJECT: PriorSd = PriorSd { mass_rel: 0.1, com_m: 0.005, radius_rel: 0.1, together: 0.0 };
+const WIDE: PriorSd = PriorSd { mass_rel: 0.12, com_m: 0.02, radius_rel: 0.15, together: 0.0 };
+const TABLE: PriorSd = PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1, together: 0.0 };
 
 #[test]
 fn validate_intervals_of_chains() {
@@ -377,8 +392,8 @@ fn validate_intervals_of_people() {
     }
 }
 
-/// The marker residuals determine the size of the slides. Slides twice as large make the repeating
-/// part of the variance twice as large (as a standard error), whatever the number of flights.
+/// Errors of the markers that are twice as large make the repeating part of the variance twice as
+/// large (as a standard error), whatever the number of flights.
 #[test]
 fn soft_tissue_widens_intervals_by_the_size_that_markers_show() {
     let truth = load("subject_a");
@@ -392,34 +407,17 @@ fn soft_tissue_widens_intervals_by_the_size_that_markers_show() {
         prior: TABLE,
     };
     let size = |soft_m: f64| {
-        let motion = truth.tracked(MARKER_SD_M, soft_m, 7);
+        let (motion, places) = truth.recorded(MARKER_SD_M, soft_m, 7);
+        let motions = drawn(&truth, &motion, places);
+        let seen = Seen { markers: &motions, geometry: &[] };
         let options = WeakOptions { window_s: Some(0.25), ..WeakOptions::default() };
-        let tissue = Tissue::new(&truth.markers, MARKER_SD_M);
-        let (observed, predicted) = truth
-            .stretches()
-            .iter()
-            .map(|s| {
-                let acting = Acting::nothing();
-                weak_factor_with_tissue(
-                    &truth.model,
-                    &truth.base,
-                    &truth.phi,
-                    &motion,
-                    s,
-                    acting,
-                    &options,
-                    None,
-                    &tissue,
-                )
-                .unwrap()
-                .1
-            })
-            .fold((0.0, 0.0), |sum, s| (sum.0 + s.observed, sum.1 + s.predicted));
-        (observed / predicted).sqrt()
+        let (model, base, nothing) = (&truth.model, &truth.base, Acting::nothing());
+        let of = |s| weak_factor_with_repeated(model, base, &truth.phi, &motion, s, nothing, &options, None, &seen);
+        truth.stretches().iter().map(|s| of(s).unwrap().1.markers).reduce(|a, b| a + b).unwrap().norm()
     };
     let (none, half, whole) = (size(0.0), size(0.0015), size(0.003));
-    println!("size of the slides with 0, 1.5 and 3 mm of soft tissue: {none:.4}, {half:.4}, {whole:.4} m/rad");
-    assert!(none < 0.1 * whole && (whole / half - 2.0).abs() < 0.1);
+    println!("errors of the rows with 0, 1.5 and 3 mm of soft tissue: {none:.4}, {half:.4}, {whole:.4}");
+    assert!(none < 0.2 * whole && (whole / half - 2.0).abs() < 0.1);
     let mean = |p: &Parameters| p.base.iter().skip(1).map(|b| b.se / b.prior_sd.unwrap()).sum::<f64>();
     let (rigid, soft) = (one(&truth, &case(0.0), 7), one(&truth, &case(0.003), 7));
     assert!(mean(&soft) > 1.05 * mean(&rigid));

@@ -27,7 +27,7 @@ fn prior(truth: &Truth) -> LinkPrior {
             link
         })
         .collect();
-    let sd = vec![PriorSd { mass_rel: 0.12, com_m: 0.02, radius_rel: 0.15 }; links.len()];
+    let sd = vec![PriorSd { mass_rel: 0.12, com_m: 0.02, radius_rel: 0.15, together: 0.0 }; links.len()];
     LinkPrior::new(&links, &sd, None::<&Symmetry>).unwrap()
 }
 

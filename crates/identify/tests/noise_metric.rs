@@ -99,7 +99,7 @@ fn rows_with_noise(
 fn table() -> LinkPrior {
     let inertia_com_kgm2 = Matrix3::from_diagonal_element(1.05e-3);
     let link = LinkInertia { mass_kg: MASS_KG, com_m: Vector3::zeros(), inertia_com_kgm2 };
-    LinkPrior::new(&[link], &[PriorSd { mass_rel: 0.05, com_m: 0.01, radius_rel: 0.2 }], None).unwrap()
+    LinkPrior::new(&[link], &[PriorSd { mass_rel: 0.05, com_m: 0.01, radius_rel: 0.2, together: 0.0 }], None).unwrap()
 }
 
 fn identified(model: &Model, factors: &[Factor], estimator: Estimator) -> Identification {

@@ -36,7 +36,7 @@ fn symmetry(truth: &Truth) -> Symmetry {
 
 /// A prior drawn around the truth with its stated spread.
 fn prior(truth: &Truth, seed: u64) -> LinkPrior {
-    let sd = vec![PriorSd { mass_rel: 0.12, com_m: 0.02, radius_rel: 0.15 }; truth.phi.len()];
+    let sd = vec![PriorSd { mass_rel: 0.12, com_m: 0.02, radius_rel: 0.15, together: 0.0 }; truth.phi.len()];
     let links: Vec<LinkInertia> = truth.phi.iter().map(LinkInertia::from_phi).collect();
     let exact = LinkPrior::new(&links, &sd, Some(&symmetry(truth))).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -239,7 +239,7 @@ fn advice_names_a_motion_that_helps() {
 fn a_prior_states_the_spread_it_was_given() {
     let truth = load("subject_a");
     let links: Vec<LinkInertia> = truth.phi.iter().map(LinkInertia::from_phi).collect();
-    let sd = vec![PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1 }; links.len()];
+    let sd = vec![PriorSd { mass_rel: 0.1, com_m: 0.01, radius_rel: 0.1, together: 0.0 }; links.len()];
     let plain = LinkPrior::new(&links, &sd, None).unwrap();
     let mirrored = LinkPrior::new(&links, &sd, Some(&symmetry(&truth))).unwrap();
     for (i, link) in links.iter().enumerate() {

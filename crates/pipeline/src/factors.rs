@@ -1,7 +1,7 @@
-//! Files of the stages that give factors: one triangular factor a stretch, and the slides of soft
-//! tissue beside them.
+//! Files of the stages that give factors: one triangular factor a stretch, and what errors that
+//! repeat do to their rows.
 
-use aloft_regressor::{Columns, Factor, RowKind, Slides, Stretch};
+use aloft_regressor::{Columns, Factor, RepeatedErrors, RowKind, Stretch};
 use aloft_study::config::Rows;
 use aloft_workspace::error::PipelineError;
 use aloft_workspace::json::{read_json, read_json_if_there, write_json};
@@ -91,50 +91,51 @@ pub fn load_named(dir: &Path, name: &str) -> Result<Vec<(Stretch, Factor)>, Pipe
 }
 
 #[derive(Serialize, Deserialize)]
-struct SlidesHead {
+struct RepeatedHead {
     stretch: Stretch,
     rows: usize,
-    draws: usize,
-    predicted: f64,
-    observed: f64,
+    markers: usize,
+    geometry: usize,
 }
 
-/// Writes `slides.json` and `slides.parquet`: the effect of soft tissue on the weak rows of each
-/// stretch.
-pub fn save_slides(dir: &Path, slides: &[(Stretch, Slides)]) -> Result<(), PipelineError> {
-    let heads: Vec<SlidesHead> = slides
+/// Writes `repeated.json` and `repeated.parquet`: what draws of errors of the markers and of the
+/// geometry do to the weak rows of each stretch.
+pub fn save_repeated(dir: &Path, errors: &[(Stretch, RepeatedErrors)]) -> Result<(), PipelineError> {
+    let heads: Vec<RepeatedHead> = errors
         .iter()
-        .map(|(stretch, s)| SlidesHead {
+        .map(|(stretch, e)| RepeatedHead {
             stretch: stretch.clone(),
-            rows: s.sums.nrows(),
-            draws: s.sums.ncols(),
-            predicted: s.predicted,
-            observed: s.observed,
+            rows: e.markers.nrows(),
+            markers: e.markers.ncols(),
+            geometry: e.geometry.ncols(),
         })
         .collect();
-    write_json(&dir.join("slides.json"), &heads)?;
+    write_json(&dir.join("repeated.json"), &heads)?;
     let mut table = Table::default();
-    table.push("value", slides.iter().flat_map(|(_, s)| s.sums.iter().copied()).collect());
-    table.write(&dir.join("slides.parquet"))
+    table.push("value", errors.iter().flat_map(|(_, e)| e.markers.iter().chain(e.geometry.iter()).copied()).collect());
+    table.write(&dir.join("repeated.parquet"))
 }
 
-/// Reads the stage's slides for a trial of a person; nothing for objects.
-pub fn load_slides(dir: &Path) -> Result<Vec<(Stretch, Slides)>, PipelineError> {
-    let heads: Option<Vec<SlidesHead>> = read_json_if_there(&dir.join("slides.json"))?;
+/// Reads them for a trial of a person; nothing for objects.
+pub fn load_repeated(dir: &Path) -> Result<Vec<(Stretch, RepeatedErrors)>, PipelineError> {
+    let heads: Option<Vec<RepeatedHead>> = read_json_if_there(&dir.join("repeated.json"))?;
     let Some(heads) = heads else { return Ok(Vec::new()) };
-    let path = dir.join("slides.parquet");
+    let path = dir.join("repeated.parquet");
     let values = Table::read(&path)?.into_columns().into_iter().next().map(|c| c.1).unwrap_or_default();
-    let mut at = 0;
+    let mut at = 0_usize;
     heads
         .into_iter()
         .map(|head| {
-            let part = values.get(at..at + head.rows * head.draws).ok_or_else(|| PipelineError::Table {
-                path: path.clone(),
-                problem: "fewer values than slides.json says".to_owned(),
-            })?;
-            at += head.rows * head.draws;
-            let sums = DMatrix::from_column_slice(head.rows, head.draws, part);
-            Ok((head.stretch, Slides { sums, predicted: head.predicted, observed: head.observed }))
+            let mut part = |columns: usize| {
+                let end = head.rows.checked_mul(columns).filter(|_| head.rows > 0).and_then(|n| at.checked_add(n));
+                let part = end.and_then(|end| values.get(at..end)).ok_or_else(|| PipelineError::Table {
+                    path: path.clone(),
+                    problem: "fewer values than repeated.json says".to_owned(),
+                })?;
+                at += part.len();
+                Ok::<_, PipelineError>(DMatrix::from_column_slice(head.rows, columns, part))
+            };
+            Ok((head.stretch, RepeatedErrors { markers: part(head.markers)?, geometry: part(head.geometry)? }))
         })
         .collect()
 }

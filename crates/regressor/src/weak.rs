@@ -1,10 +1,10 @@
-//! Factors from weak rows, with fixed weights or whitened, and with the errors of soft tissue
-//! beside them. The rows themselves are in [`crate::weak_windows`].
+//! Factors from weak rows, with fixed weights or whitened, and with errors that repeat beside them.
+//! The rows themselves are in [`crate::weak_windows`].
 
 use crate::matrix_noise::{MatrixNoise, row_errors};
 use crate::noise::{Noise, whiten};
+use crate::repeated::{RepeatedErrors, Seen, error_rows};
 use crate::stretch::Acting;
-use crate::tissue::{Slides, Tissue, slide_rows};
 use crate::weak_windows::{WeakOptions, WeakRows, weak_rows};
 use crate::{Columns, Factor, RegressorError, RowKind, Stretch};
 use aloft_body::{BaseParameters, Model, Motion, Phi, State};
@@ -77,12 +77,11 @@ pub fn weak_factor_with_noise(
     Factor::from_rows(stretch, RowKind::Weak, columns, rows.matrix.subcols(0, n))?.with_noise(errors)
 }
 
-/// The same, with the effect of repeating soft tissue errors on the rows.
+/// The same, with what draws of errors that repeat from flight to flight do to the rows.
 ///
 /// # Errors
-/// As [`weak_factor`], and [`RegressorError::Numeric`] if markers leave the coordinates
-/// undetermined.
-pub fn weak_factor_with_tissue(
+/// As [`weak_factor`], and [`RegressorError::Numeric`] if a draw gives rows that are not finite.
+pub fn weak_factor_with_repeated(
     model: &Model,
     base: &BaseParameters,
     prior: &[Phi],
@@ -91,10 +90,10 @@ pub fn weak_factor_with_tissue(
     acting: Acting<'_>,
     options: &WeakOptions,
     noise: Option<&Noise<'_>>,
-    tissue: &Tissue<'_>,
-) -> Result<(Factor, Slides), RegressorError> {
+    seen: &Seen<'_>,
+) -> Result<(Factor, RepeatedErrors), RegressorError> {
     let mut rows = weak_rows(model, base, prior, motion, stretch, acting, options)?;
-    let (errors, predicted, observed) = slide_rows(model, prior, motion, stretch, &rows, tissue)?;
+    let errors = error_rows(model, prior, motion, &rows, seen);
     let n = rows.matrix.ncols();
     // weighted together with the rows, so that both are whitened alike
     let plain = std::mem::replace(&mut rows.matrix, Mat::new());
@@ -104,8 +103,17 @@ pub fn weak_factor_with_tissue(
     let (left, right) = (rows.matrix.subcols(0, n), rows.matrix.subcols(n, errors.ncols()));
     let factor = Factor::from_rows(stretch, RowKind::Weak, columns_of(base, acting), left)?;
     let products = left.subcols(0, n - 1).transpose() * right;
-    let sums = DMatrix::from_fn(n - 1, errors.ncols(), |i, j| products[(i, j)]);
-    Ok((factor, Slides { sums, predicted, observed }))
+    if !products.col_iter().all(|c| c.iter().all(|x| x.is_finite())) {
+        return Err(RegressorError::Numeric {
+            trial: stretch.trial.clone(),
+            stretch: stretch.index,
+            problem: "errors of markers or geometry do not give finite rows".to_owned(),
+        });
+    }
+    let draws = seen.markers.len();
+    let markers = DMatrix::from_fn(n - 1, draws, |i, j| products[(i, j)]);
+    let geometry = DMatrix::from_fn(n - 1, seen.geometry.len(), |i, j| products[(i, draws + j)]);
+    Ok((factor, RepeatedErrors { markers, geometry }))
 }
 
 fn columns_of(base: &BaseParameters, acting: Acting<'_>) -> Columns {

@@ -60,7 +60,12 @@ pub fn subject(
         .filter_map(|l| l.inertia)
         .map(|i| LinkInertia { mass_kg: i.mass_kg * scale, inertia_com_kgm2: i.inertia_com_kgm2 * scale, ..i })
         .collect();
-    let sd = PriorSd { mass_rel: spread.mass_rel, com_m: spread.com_m, radius_rel: spread.radius_rel };
+    let sd = PriorSd {
+        mass_rel: spread.mass_rel,
+        com_m: spread.com_m,
+        radius_rel: spread.radius_rel,
+        together: PriorSd::DESCRIBED,
+    };
     let markers = description
         .markers
         .iter()

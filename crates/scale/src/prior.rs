@@ -233,7 +233,12 @@ fn place(
             com_m: apply(&pose(&from, &axes), &com),
             inertia_com_kgm2: rotation * local * rotation.transpose(),
         },
-        sd: PriorSd { mass_rel: segment.sd.mass, com_m: segment.sd.com * length, radius_rel: segment.sd.radius },
+        sd: PriorSd {
+            mass_rel: segment.sd.mass,
+            com_m: segment.sd.com * length,
+            radius_rel: segment.sd.radius,
+            together: 0.0,
+        },
     })
 }
 
@@ -312,6 +317,7 @@ pub fn attach_prior(
                             mass_rel: mix(sd.mass_rel, part.sd.mass_rel),
                             com_m: mix(sd.com_m, part.sd.com_m),
                             radius_rel: mix(sd.radius_rel, part.sd.radius_rel),
+                            together: 0.0,
                         };
                         (merge(&inertia, &part.inertia), sd)
                     }
@@ -399,6 +405,7 @@ pub fn prior_spread(
                 mass_rel: sd(&masses) / (masses.iter().sum::<f64>() / k),
                 com_m: (com2 / 3.0).sqrt(),
                 radius_rel: sd(&radii) / (radii.iter().sum::<f64>() / k),
+                together: 0.0,
             }
         })
         .collect())

@@ -31,8 +31,8 @@ static OPEN: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 /// Shared by those who make such a file or folder; whoever removes them all waits for it.
 static MAKING: RwLock<()> = RwLock::new(());
 
-/// Makes a file or folder and adds it to what [`remove_all`] removes, in one step: a signal finds it
-/// either known or not made, and then it is not made any more.
+/// Makes a file or folder and adds it to what [`remove_all`] removes, in one step: a signal finds
+/// it either known or not made, and then it is not made any more.
 pub(crate) fn begin<T, E>(path: &Path, make: impl FnOnce() -> Result<T, E>) -> Result<T, E> {
     loop {
         wait_if_held();

@@ -57,7 +57,7 @@ impl Recorded {
         let base = BaseParameters::of(model);
         let links = off(&lab.body.phi, seed);
         let phi = links.iter().map(LinkInertia::to_phi).collect();
-        let sd = vec![PriorSd { mass_rel: 0.1, com_m: 0.015, radius_rel: 0.1 }; links.len()];
+        let sd = vec![PriorSd { mass_rel: 0.1, com_m: 0.015, radius_rel: 0.1, together: 0.0 }; links.len()];
         let prior = LinkPrior::new(&links, &sd, Symmetry::from_names(model).as_ref()).unwrap().base(&base).unwrap();
         let mass_kg = lab.body.phi.iter().map(|p| p[0]).sum();
         Some(Self { motions, stretches, base, phi, prior: human.then_some(prior), mass_kg, lab })

@@ -121,7 +121,7 @@ impl Evidence {
             Known::Tables => 1.0,
             Known::All => 1e-5,
         };
-        let sd = PriorSd { mass_rel: 0.1 * sure, com_m: 0.015 * sure, radius_rel: 0.1 * sure };
+        let sd = PriorSd { mass_rel: 0.1 * sure, com_m: 0.015 * sure, radius_rel: 0.1 * sure, together: 0.0 };
         let sides = Symmetry::from_names(&self.model);
         let of_links = LinkPrior::new(&self.links, &vec![sd; self.links.len()], sides.as_ref()).unwrap();
         Some(of_links.base(&BaseParameters::of(&self.model)).unwrap())

@@ -1,17 +1,17 @@
 //! `identify`: base parameters from the factors of all flights, with weak rows and with the paper's
 //! beside them.
 
-use crate::factors::{load_factors, load_slides, row_kind};
+use crate::factors::{load_factors, load_repeated, row_kind};
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::merge;
 use crate::results::parameters_file;
 use crate::stages::stage_of;
-use aloft_body::{BaseParameters, Subject};
+use aloft_body::{BaseParameters, LinkInertia, Subject};
 use aloft_identify::{
-    ClusterBy, ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, PreparedPrior, RotatedRows, Visible,
-    balanced, identify_with_slides, point_estimate_prepared,
+    ClusterBy, ColumnScaling, Estimator, IdentifyOptions, LinkEstimate, LinkPrior, Parameters, PreparedPrior,
+    RotatedRows, Visible, balanced, identify_with_errors, point_estimate_prepared,
 };
-use aloft_regressor::{Factor, RowKind, Slides, Stretch, StretchKind, leave_group_out};
+use aloft_regressor::{Factor, RepeatedErrors, RowKind, Stretch, StretchKind, leave_group_out};
 use aloft_study::config::{Estimator as ChosenEstimator, IdentifyConfig, Rows};
 use aloft_study::revision::ModelEffect;
 use aloft_study::robot::RobotSetup;
@@ -25,7 +25,7 @@ use std::collections::{HashMap, HashSet};
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "identify",
-    version: 10,
+    version: 11,
     scope: Scope::Session,
     seconds: 0.3,
     reads: "all factors",
@@ -132,22 +132,37 @@ pub fn estimator(params: &Params, rows: Rows) -> Estimator {
     }
 }
 
-/// Effect of soft tissue on the weak rows of some factors, in their order; empty if a trial has
-/// none (objects).
-fn training_slides(inputs: &StageInputs<'_>, factors: &[(Stretch, Factor)]) -> Result<Vec<Slides>, StageFailure> {
-    let mut of_trials: HashMap<&str, Vec<(Stretch, Slides)>> = HashMap::new();
+/// What errors that repeat do to the weak rows of some factors, in their order; empty if a trial
+/// has none (objects).
+fn training_errors(
+    inputs: &StageInputs<'_>,
+    factors: &[(Stretch, Factor)],
+) -> Result<Vec<RepeatedErrors>, StageFailure> {
+    let mut of_trials: HashMap<&str, Vec<(Stretch, RepeatedErrors)>> = HashMap::new();
     let mut out = Vec::with_capacity(factors.len());
-    for (stretch, factor) in factors {
+    for (stretch, factor) in factors.iter().filter(|(_, f)| f.rows == RowKind::Weak) {
         if !of_trials.contains_key(factor.trial.as_str()) {
-            of_trials.insert(&factor.trial, load_slides(&inputs.results.place("regressor", &factor.trial)?)?);
+            of_trials.insert(&factor.trial, load_repeated(&inputs.results.place("regressor", &factor.trial)?)?);
         }
         let found = of_trials.get(factor.trial.as_str()).and_then(|all| all.iter().find(|(s, _)| s == stretch));
         match found {
-            Some((_, slides)) if factor.rows == RowKind::Weak => out.push(slides.clone()),
-            _ => return Ok(Vec::new()),
+            Some((_, errors)) => out.push(errors.clone()),
+            None if out.is_empty() => {}
+            None => return Err(without_errors(&factor.trial)),
         }
     }
-    Ok(out)
+    match factors.get(out.len()) {
+        Some((_, factor)) if !out.is_empty() => Err(without_errors(&factor.trial)),
+        _ => Ok(out),
+    }
+}
+
+/// Intervals with the errors of some recordings only would be too narrow.
+fn without_errors(trial: &str) -> StageFailure {
+    StageFailure::with_hint(
+        format!("{trial}: the errors of its markers and of the geometry are missing beside its rows"),
+        "make them again: `aloft run` with `--from regressor`",
+    )
 }
 
 /// Base parameters, and coefficients of effects by name.
@@ -173,13 +188,13 @@ fn unit_of_evidence(factors: &[(Stretch, Factor)]) -> ClusterBy {
     if contact && trials.len() >= 3 { ClusterBy::Trial } else { ClusterBy::Stretch }
 }
 
-/// The same with flights already merged ([`merge::root`]) and with soft-tissue slides.
+/// The same with flights already merged ([`merge::root`]) and with errors that repeat.
 fn identify_with(
     params: &Params,
     subject: &Subject,
     factors: &[(Stretch, Factor)],
     flights: Option<&Factor>,
-    slides: &[Slides],
+    errors: &[RepeatedErrors],
     estimator: Estimator,
     bootstrap: usize,
 ) -> Result<Parameters, StageFailure> {
@@ -197,7 +212,7 @@ fn identify_with(
         ..IdentifyOptions::default()
     };
     let plain: Vec<Factor> = factors.iter().map(|(_, f)| f.clone()).collect();
-    identify_with_slides(&subject.model, &base, &plain, flights, slides, subject.facts.mass_kg, Some(&prior), &options)
+    identify_with_errors(&subject.model, &base, &plain, flights, errors, subject.facts.mass_kg, Some(&prior), &options)
         .map(|i| i.parameters)
         .map_err(|e| StageFailure::new(e.to_string()))
 }
@@ -219,8 +234,15 @@ impl Predicting {
         let prior = match parameters.estimator {
             Estimator::Regularised { .. } | Estimator::NoiseMetric => {
                 let base = BaseParameters::of(&subject.model);
-                let prior = LinkPrior::of_subject(subject).map_err(fail)?.base(&base).map_err(fail)?;
-                Some(prior.prepared(subject.facts.mass_kg).map_err(fail)?)
+                let prior = LinkPrior::of_subject(subject).map_err(fail)?;
+                let mass_kg = subject.facts.mass_kg;
+                let links: Vec<LinkInertia> = parameters.links.iter().map(LinkEstimate::inertia).collect();
+                // held out, too, with the map at the links of all recordings where they have it
+                let prior = match &parameters.noise_units {
+                    Some(units) if units.undetermined > 0 => prior.base_at(&base, mass_kg, &links).map_err(fail)?,
+                    _ => prior.base(&base).map_err(fail)?,
+                };
+                Some(prior.prepared(mass_kg).map_err(fail)?)
             }
             _ => None,
         };
@@ -408,8 +430,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         }
         let flights = merge::root(inputs, &factors, row_kind(rows))?;
         let bootstrap = params.identify.bootstrap;
-        let slides = training_slides(inputs, &factors)?;
-        match identify_with(params, &subject, &factors, flights.as_ref(), &slides, estimator(params, rows), bootstrap) {
+        let errors = training_errors(inputs, &factors)?;
+        match identify_with(params, &subject, &factors, flights.as_ref(), &errors, estimator(params, rows), bootstrap) {
             Ok(mut parameters) => {
                 if let Some(misfit) = misfit_of(inputs)? {
                     parameters.gate.passed = false;

@@ -1,16 +1,21 @@
 //! `regressor`: one triangular factor a flight and a contact stretch, from weak rows. They use the
 //! motion as the cameras recorded it: the filter has no part in them.
 
-use crate::factors::{FactorsAndRemarks, save_factors, save_slides};
+use super::calibrate::geometry_errors;
+use super::shared::fit_options;
+use crate::factors::{FactorsAndRemarks, save_factors, save_repeated};
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
+use crate::results::Results;
 use crate::trial_rows::{TrialRows, each_stretch, effect_columns, effect_columns_along};
 use aloft_body::{BaseParameters, Motion, Subject};
+use aloft_ik::MarkerErrors;
 use aloft_regressor::matrix_noise::EffectsAt;
 use aloft_regressor::{
-    Acting, CoordinateNoise, EffectColumns, MatrixNoise, MotionErrors, Noise, RegressorError, Slides, Stretch,
-    StretchKind, Tissue, WeakOptions, weak_factor, weak_factor_with_noise, weak_factor_with_tissue,
+    Acting, CoordinateNoise, EffectColumns, MatrixNoise, MotionErrors, Noise, RegressorError, RepeatedErrors, Seen,
+    SeenBody, Stretch, StretchKind, WeakOptions, carried, weak_factor, weak_factor_with_noise,
+    weak_factor_with_repeated,
 };
-use aloft_study::config::{Estimator, Weighting};
+use aloft_study::config::{Estimator, IkConfig, Weighting};
 use aloft_study::effects::ModelEffects;
 use aloft_study::robot::RobotSetup;
 use aloft_study::subject_session::{Role, SubjectSession, TrialEntry};
@@ -23,7 +28,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "regressor",
-    version: 9,
+    version: 11,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     seconds: 0.15,
     reads: "`Motion`, flights, plates",
@@ -32,6 +37,8 @@ pub static STAGE: Stage = Stage {
         Need::Same("import"),
         Need::Same("ik"),
         Need::Same("flight"),
+        // coordinates that no marker observes, needed for the errors of the markers
+        Need::Once("scale"),
         Need::Once("calibrate"),
         // for effects that grow over the session
         Need::Times,
@@ -66,6 +73,9 @@ pub struct Params {
     /// Whether the errors of the rows' matrix are computed, for `estimator: noise_metric`.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub matrix_noise: bool,
+    /// Inverse kinematics of a person, whose markers' errors are drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ik: Option<IkConfig>,
     /// Effects of the model.
     pub effects: ModelEffects,
 }
@@ -88,8 +98,14 @@ impl Params {
                 Estimator::Auto => session.is_rigid(),
                 _ => false,
             },
+            ik: (!session.is_rigid() && trial.is_some_and(|t| t.role == Role::Identify))
+                .then(|| session.ik_of(trial).clone()),
             effects: session.model_effects(),
         }
+    }
+    /// True for a stretch that takes part in identification.
+    fn uses(&self, stretch: &Stretch) -> bool {
+        stretch.kind == StretchKind::Flight || self.contact
     }
 }
 
@@ -109,7 +125,7 @@ impl StageWork for Work {
 
 /// Weak factors of every stretch of a trial, with remarks.
 pub fn weak_factors(params: &Params, rows: &TrialRows) -> Result<FactorsAndRemarks, StageFailure> {
-    factors_beside(params, rows, effect_columns(&params.effects, rows)?.as_ref(), &mut Vec::new(), false)
+    factors_beside(params, rows, effect_columns(&params.effects, rows)?.as_ref(), &mut Vec::new(), None)
 }
 
 /// The same with columns of effects that were formed before.
@@ -118,16 +134,60 @@ pub fn weak_factors_with(
     rows: &TrialRows,
     effects: Option<&EffectColumns>,
 ) -> Result<FactorsAndRemarks, StageFailure> {
-    factors_beside(params, rows, effects, &mut Vec::new(), false)
+    factors_beside(params, rows, effects, &mut Vec::new(), None)
 }
 
-/// The same, including the effect of soft tissue on the rows if `with_tissue` is set.
+/// Number of draws of the markers' errors, for which a standard error is known to 15 %.
+const DRAWS: u64 = 24;
+
+/// Seed of these draws. The floor of a comparison has another one: it judges an estimate, and does
+/// not share the chance of its intervals.
+const REPEATED_SEED: u64 = 0x7265_7065_6174;
+
+/// What the kinematics of a trial may have wrong.
+struct Drawn {
+    markers: Vec<Motion>,
+    geometry: Vec<SeenBody>,
+}
+
+impl Drawn {
+    /// Draws for the stretches that take part in identification; `None` without a solved frame.
+    fn of(
+        params: &Params,
+        ik: &IkConfig,
+        results: Results<'_>,
+        rows: &TrialRows,
+    ) -> Result<Option<Self>, StageFailure> {
+        let mut subject = rows.subject.clone();
+        let options = fit_options(ik, results, &mut subject)?;
+        let (trial, _) = results.load_labelled_markers(&rows.trial.name)?;
+        let failed = |e: aloft_ik::IkError| StageFailure::new(e.to_string());
+        let Some(errors) = MarkerErrors::of(&subject, &trial, &rows.motion, &options).map_err(failed)? else {
+            return Ok(None);
+        };
+        let used: Vec<&Stretch> = rows.stretches.iter().filter(|s| params.uses(s)).collect();
+        let wanted = |frame: usize| used.iter().any(|s| (s.first_frame..s.end_frame).contains(&frame));
+        let markers = errors.draw_each(&rows.motion, &|_, f| wanted(f), REPEATED_SEED, 0..DRAWS);
+        let others: Vec<Subject> =
+            geometry_errors(results)?.iter().map(|e| e.applied(&subject)).collect::<Result<_, _>>().map_err(failed)?;
+        let seen = errors.with_geometry(&rows.motion, &wanted, &others);
+        let (phi, from) = (subject.prior_phi(), (&subject.model, subject.markers.as_slice()));
+        let body = |(other, motion): (Subject, Motion)| SeenBody {
+            phi: carried(from, (&other.model, &other.markers), &phi),
+            model: other.model,
+            motion,
+        };
+        Ok(Some(Self { markers, geometry: others.into_iter().zip(seen).map(body).collect() }))
+    }
+}
+
+/// The same, with what the draws do to the rows where these are given.
 fn factors_beside(
     params: &Params,
     rows: &TrialRows,
     effects: Option<&EffectColumns>,
-    slides: &mut Vec<(Stretch, Slides)>,
-    with_tissue: bool,
+    repeated: &mut Vec<(Stretch, RepeatedErrors)>,
+    drawn: Option<&Drawn>,
 ) -> Result<FactorsAndRemarks, StageFailure> {
     let subject = &rows.subject;
     let base = BaseParameters::of(&subject.model);
@@ -137,9 +197,9 @@ fn factors_beside(
     let noise = row_noise(params, subject, marker_sd_m);
     let (model, motion) = (&subject.model, &rows.motion);
     let acting = Acting { measured: rows.wrench.as_deref(), effects };
-    let drawn = if params.matrix_noise { rows.sensors.as_ref() } else { None };
-    let drawn = drawn.map(|sensors| sensors.pairs(motion, MATRIX_SEED, MatrixNoise::DRAWS));
-    let of_matrix = matrix_noise(params, subject, marker_sd_m, drawn.as_deref());
+    let pairs = if params.matrix_noise { rows.sensors.as_ref() } else { None };
+    let pairs = pairs.map(|sensors| sensors.pairs(motion, MATRIX_SEED, MatrixNoise::DRAWS));
+    let of_matrix = matrix_noise(params, subject, marker_sd_m, pairs.as_deref());
     let effects_at = |disturbed: &Motion| {
         effect_columns_along(&params.effects, rows, disturbed).map_err(|failure| RegressorError::Numeric {
             trial: rows.trial.name.clone(),
@@ -155,14 +215,13 @@ fn factors_beside(
             let noise = noise.as_ref();
             return weak_factor_with_noise(model, &base, &prior, motion, stretch, acting, &weak, noise, &of_matrix);
         }
-        let used = stretch.kind == StretchKind::Flight || params.contact;
-        if !(with_tissue && used) {
+        let Some(drawn) = drawn.filter(|_| params.uses(stretch)) else {
             return weak_factor(model, &base, &prior, motion, stretch, acting, &weak, noise.as_ref());
-        }
-        let tissue = Tissue::new(&subject.markers, params.marker_sd_m);
+        };
+        let seen = Seen { markers: &drawn.markers, geometry: &drawn.geometry };
         let (factor, found) =
-            weak_factor_with_tissue(model, &base, &prior, motion, stretch, acting, &weak, noise.as_ref(), &tissue)?;
-        slides.push((stretch.clone(), found));
+            weak_factor_with_repeated(model, &base, &prior, motion, stretch, acting, &weak, noise.as_ref(), &seen)?;
+        repeated.push((stretch.clone(), found));
         Ok(factor)
     })
 }
@@ -209,11 +268,11 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let results = inputs.results;
     let subject = results.load_subject("calibrate")?;
     let rows = TrialRows::load(results, None, &|| inputs.calendar(), inputs.trial()?, &subject)?;
-    let mut slides = Vec::new();
-    // only identification uses the slides
-    let person = !params.is_object && params.role == Some(Role::Identify);
+    let mut repeated = Vec::new();
     let effects = effect_columns(&params.effects, &rows)?;
-    let (factors, warnings) = factors_beside(params, &rows, effects.as_ref(), &mut slides, person)?;
+    // only identification of people uses them
+    let drawn = params.ik.as_ref().map(|ik| Drawn::of(params, ik, results, &rows)).transpose()?.flatten();
+    let (factors, warnings) = factors_beside(params, &rows, effects.as_ref(), &mut repeated, drawn.as_ref())?;
     let mut done = StageReport { warnings: warnings.into(), ..StageReport::default() };
     save_factors(inputs.out, &factors)?;
     if let Some(segments) = &rows.segments {
@@ -222,8 +281,8 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     if let Some(robot) = &params.robot {
         super::robot_torques::save_torque_rows(robot, inputs, &rows, &params.effects, effects.as_ref(), &mut done)?;
     }
-    if person {
-        save_slides(inputs.out, &slides)?;
+    if drawn.is_some() {
+        save_repeated(inputs.out, &repeated)?;
     }
     done.note("weak_rows", factors.iter().map(|(_, f)| f.n_rows).sum::<usize>());
     if let Some(calendar) = &rows.calendar {

@@ -18,7 +18,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "scale",
-    version: 2,
+    version: 3,
     scope: Scope::Session,
     seconds: 0.03,
     reads: "static trial (objects: calibration trial, too), anthropometry or object description; robots and OpenSim models: the model file",

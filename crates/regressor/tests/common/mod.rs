@@ -19,6 +19,9 @@ use std::path::{Path, PathBuf};
 /// Frame, velocities and accelerations.
 pub type Instant = (usize, Vec<f64>, Vec<f64>);
 
+/// Coordinates, residuals and places of the markers of one frame.
+type Recorded = (Vec<f64>, Vec<f64>, Vec<Vector3<f64>>);
+
 pub struct Truth {
     pub model: Model,
     pub base: BaseParameters,
@@ -101,12 +104,17 @@ impl Truth {
     /// As [`Truth::noisy`], with soft tissue: every marker also moves with the coordinates of its
     /// joint, by `soft_m` (root mean square) over the whole recording.
     pub fn tracked(&self, sd_m: f64, soft_m: f64, seed: u64) -> Motion {
+        self.recorded(sd_m, soft_m, seed).0
+    }
+
+    /// The same, with the places of the markers, marker × frame.
+    pub fn recorded(&self, sd_m: f64, soft_m: f64, seed: u64) -> (Motion, Vec<Vec<Vector3<f64>>>) {
         let soft = self.soft_tissue(soft_m, seed);
         let model = &self.model;
         let normal = Normal::new(0.0, sd_m).unwrap();
         let mut out = self.motion.clone();
         let n = self.markers.len();
-        let frames: Vec<(Vec<f64>, Vec<f64>)> = (0..self.motion.n_frames())
+        let frames: Vec<Recorded> = (0..self.motion.n_frames())
             .into_par_iter()
             .map(|frame| {
                 let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -145,16 +153,18 @@ impl Truth {
                 state.forward_position(model, &q);
                 let left = self.markers.iter().zip(&seen);
                 let residual = left.map(|(m, p)| (p - state.point_in_world(m.link, &m.position_m)).norm()).collect();
-                (q, residual)
+                (q, residual, seen)
             })
             .collect();
         out.marker_labels = self.markers.iter().map(|m| m.label.clone()).collect();
-        (out.q, out.residual_m) = frames.into_iter().fold((Vec::new(), Vec::new()), |mut all, (q, residual)| {
-            all.0.extend(q);
-            all.1.extend(residual);
-            all
-        });
-        out
+        (out.q, out.residual_m) = (Vec::new(), Vec::new());
+        let mut places = vec![Vec::new(); n];
+        for (q, residual, seen) in frames {
+            out.q.extend(q);
+            out.residual_m.extend(residual);
+            places.iter_mut().zip(seen).for_each(|(all, p)| all.push(p));
+        }
+        (out, places)
     }
 }
 

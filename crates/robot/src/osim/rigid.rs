@@ -164,7 +164,8 @@ impl RigidTree {
             inertia_com_kgm2: i.inertia_com_kgm2 * scale,
             ..*i
         };
-        let sd = PriorSd { mass_rel: spread.mass_rel, com_m: spread.com_m, radius_rel: spread.radius_rel };
+        let sd =
+            PriorSd { mass_rel: spread.mass_rel, com_m: spread.com_m, radius_rel: spread.radius_rel, together: 0.0 };
         let markers = osim.markers.iter().map(|m| {
             let (link, place) = self.home[m.joint];
             let position_m = place.transform_point(&m.on_body_m.into()).coords;

@@ -61,7 +61,12 @@ pub(super) fn size_prior(
     }
     let sd = shapes
         .iter()
-        .map(|(_, scatter, _)| PriorSd { mass_rel: 0.5, com_m: scatter.trace().sqrt() / 2.0, radius_rel: 0.5 })
+        .map(|(_, scatter, _)| PriorSd {
+            mass_rel: 0.5,
+            com_m: scatter.trace().sqrt() / 2.0,
+            radius_rel: 0.5,
+            together: PriorSd::DESCRIBED,
+        })
         .collect();
     (prior, sd)
 }

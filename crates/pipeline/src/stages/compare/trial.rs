@@ -3,21 +3,19 @@
 use super::Params;
 use crate::plate_zeros::{SessionZeros, Zero};
 use crate::results::Results;
-use crate::stages::calibrate::GEOMETRY_ERRORS_FILE;
+use crate::stages::calibrate::geometry_errors;
 use crate::stages::filter::low_pass;
 use crate::stages::robot::RobotErrors;
 use crate::stages::shared::fit_options;
 use crate::trial_rows::{TrialRows, effect_columns};
 use aloft_body::{Model, Motion, Subject};
 use aloft_compare::{Measured, OffsetRange, PlateDrift, PoseErrors, TareReadings, TrialInput, measured_wrench};
-use aloft_ik::{GeometryError, MarkerErrors};
+use aloft_ik::MarkerErrors;
 use aloft_regressor::EffectColumns;
 use aloft_signal::{Butterworth, LowPass};
 use aloft_study::calendar::Calendar;
 use aloft_study::subject_session::Role;
 use aloft_workspace::error::StageFailure;
-use aloft_workspace::json::read_json_if_there;
-use aloft_workspace::manifest::WHOLE_STUDY;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -104,10 +102,7 @@ impl ComparedTrial {
         let (trial, _) = results.load_labelled_markers(&self.name)?;
         let of = if params.is_object { MarkerErrors::of_rigid } else { MarkerErrors::of };
         let errors = of(&subject, &trial, &self.unfiltered, &options).map_err(|e| StageFailure::new(e.to_string()))?;
-        let file = results.place("calibrate", WHOLE_STUDY)?.join(GEOMETRY_ERRORS_FILE);
-        // objects, robots and models of files have a geometry that is given
-        let drawn: Vec<GeometryError> = read_json_if_there(&file)?.unwrap_or_default();
-        let geometries = drawn
+        let geometries = geometry_errors(results)?
             .iter()
             .map(|e| e.applied(&subject).map_err(|e| StageFailure::new(e.to_string())))
             .collect::<Result<Vec<_>, _>>()?;
