@@ -4,9 +4,11 @@
     cargo build --release
     python3 docs/pictures/make.py [--aloft target/release/aloft] [--png FOLDER]
 
-Writes loop.svg, skeleton.svg, ladder.svg and residual_map.svg beside this file; `--png` also renders each
-with headless Chromium, for looking at. Python's standard library is enough. Results of the runs lie in a
-temporary folder.
+Writes loop.svg, skeleton.svg, ladder.svg, residual_map.svg and noise_units.svg beside this file; `--png` also
+renders each with headless Chromium, for looking at. Python's standard library is enough. Results of the runs
+lie in a temporary folder. Two of the bodies of noise_units.svg are not in this repository: noise_units.json has
+what `aloft run` wrote for each (`noise_units` of identify/_study/parameters_weak.json), and `--drawn-only`
+draws it without running anything.
 """
 import argparse
 import csv
@@ -348,11 +350,58 @@ def residual_map(before, after):
     d.save("residual_map.svg", "Residual map before and after adding air resistance")
 
 
+def noise_units(bodies):
+    """Singular values of the rows in units of their noise, one line of marks for each body."""
+    from math import log10
+
+    d = Drawing(960, 366)
+    left, right, top, tall = 210, 936, 92, 74
+    low, high = log10(0.3), log10(1000)
+
+    def x(value):
+        return left + (right - left) * (log10(value) - low) / (high - low)
+
+    d.text(28, 34, "What a motion determines: singular values of the rows in units of their noise", 18, weight="bold")
+    d.text(28, 55, "Each mark is one direction of the base parameters; in the shaded range it cannot be told from noise", 12.5, SOFT)
+    bottom = top + tall * len(bodies)
+    for decade in (0.3, 1, 3, 10, 30, 100, 300, 1000):
+        d.line([(x(decade), top), (x(decade), bottom)], LINE, 1)
+        d.text(x(decade), bottom + 18, f"{decade:g}", 12, SOFT, "middle")
+    d.text((left + right) / 2, bottom + 38, "singular value, noise = 1 (logarithmic)", 12.5, SOFT, "middle")
+    for n, body in enumerate(bodies):
+        y = top + tall * n
+        # variance below 1 + 0.5 / 0.3 times what the estimate leaves, never less than the noise itself
+        limit = (max(body["residual"], 1.0) ** 2 * (1 + 0.5 / 0.3)) ** 0.5
+        d.add(f'<rect x="{left}" y="{y}" width="{x(limit) - left:.1f}" height="{tall}" fill="{ORANGE}" opacity="0.13"/>')
+        d.line([(left, y + tall), (right, y + tall)], LINE, 1)
+        d.text(28, y + 24, body["body"], 13, weight="bold")
+        recordings = body["recordings"].split(";")[0].split(", ")
+        for k, words in enumerate(recordings):
+            d.text(28, y + 42 + 16 * k, words, 12, SOFT)
+        for value in body["sigma"]:
+            colour, thick = (ORANGE, 3) if value < limit else (BLUE, 1.8)
+            d.line([(x(value), y + 32), (x(value), y + 62)], colour, thick, cap="butt")
+        at_noise = sum(value < limit for value in body["sigma"])
+        assert at_noise == body["undetermined"] + 1, "the estimate itself is one of the directions at the noise"
+        d.text(x(limit) + 8, y + 21, f"{at_noise} of {len(body['sigma'])} at the noise: {body['at_noise']}", 12.5, ORANGE, weight="bold")
+    d.save("noise_units.svg", "Singular values in units of noise for a chain, a rigid body and a person")
+
+
 def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("--aloft", default=str(ROOT / "target/release/aloft"))
     arguments.add_argument("--png", type=pathlib.Path)
+    arguments.add_argument("--drawn-only", action="store_true", help="only what needs no run of the program")
     a = arguments.parse_args()
+    noise_units(json.loads((HERE / "noise_units.json").read_text()))
+    if not a.drawn_only:
+        run_and_draw(a)
+    if a.png:
+        render(a.png)
+
+
+def run_and_draw(a):
+    """Pictures of the demonstrations."""
     with tempfile.TemporaryDirectory() as name:
         place = pathlib.Path(name)
         chain = Study(a.aloft, place / "chain", "demo.yaml")
@@ -371,15 +420,18 @@ def main():
         ladder([("A thrown chain with air resistance (fixtures/demo)", history),
                 ("A person on a safety line (fixtures/human_tethered)", person.json("history"))])
         residual_map(before, after)
-    if a.png:
-        chromium = shutil.which("chromium") or shutil.which("google-chrome") or sys.exit("no chromium")
-        a.png.mkdir(parents=True, exist_ok=True)
-        for svg in sorted(HERE.glob("*.svg")):
-            width, height = (svg.read_text().split(f'{k}="')[1].split('"')[0] for k in (" width", " height"))
-            subprocess.run(
-                [chromium, "--headless", "--no-sandbox", "--disable-gpu", f"--window-size={width},{height}", "--hide-scrollbars",
-                 f"--screenshot={a.png / (svg.stem + '.png')}", svg.as_uri()],
-                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=120, check=False)
+
+
+def render(folder):
+    """Every picture as PNG, by headless Chromium."""
+    chromium = shutil.which("chromium") or shutil.which("google-chrome") or sys.exit("no chromium")
+    folder.mkdir(parents=True, exist_ok=True)
+    for svg in sorted(HERE.glob("*.svg")):
+        width, height = (svg.read_text().split(f'{k}="')[1].split('"')[0] for k in (" width", " height"))
+        subprocess.run(
+            [chromium, "--headless", "--no-sandbox", "--disable-gpu", f"--window-size={width},{height}", "--hide-scrollbars",
+             f"--screenshot={folder / (svg.stem + '.png')}", svg.as_uri()],
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=120, check=False)
 
 
 if __name__ == "__main__":

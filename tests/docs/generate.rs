@@ -383,7 +383,7 @@ fn words_of(text: &str, variant: &str) -> String {
 
 fn grades() -> String {
     let mut out = from("crates/compare/src/grade.rs");
-    out += "# Grades\n\nA held-out error is graded by its ratio to the [noise floor](../mathematics/noise-floor.md), never by newtons. Every command, the report, the studio, exports and `--json` (`grade`, `judged`) \
+    out += "# Grades\n\nA held-out error is graded by its ratio to the [noise floor](../mathematics/estimation.md#the-noise-floor), never by newtons. Every command, the report, the studio, exports and `--json` (`grade`, `judged`) \
         show the same grade of the same error, and the same colour.\n\n| grade | `--json` | colour | when | what to do |\n|---|---|---|---|---|\n";
     let name = |variant: &dyn Fn() -> serde_json::Value| variant().as_str().unwrap().to_owned();
     for g in Grade::ALL {

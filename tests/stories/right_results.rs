@@ -520,7 +520,7 @@ fn noise_that_moves_parameters_is_said() {
     assert!(said.contains("gate passed") && said.contains("check the markers (noise, labels"), "{said}");
     let assessed = json(&[&["parameters"], &words[..], &["--assess", "--json"]].concat());
     let weak = &assessed["assessment"]["errors_in_variables"][0];
-    assert!(weak["biased"].as_u64().unwrap() > 3, "{weak}");
+    assert!(weak["biased"].as_u64().unwrap() >= 3, "{weak}");
     // of a session like any other nothing is said
     let other = folder();
     let data = lab("fixtures/scenarios/chain_small.yaml", other.path()).display().to_string();

@@ -5,7 +5,7 @@ use crate::impulse_mass::{ImpulseMassView, impulse_mass};
 use crate::kinematics::{KinematicsRow, failed_stage, kinematics};
 use crate::to_correct::{LOUD, ToCorrect, of_static, to_correct};
 use aloft_body::{EstimatedPoints, Subject};
-use aloft_compare::{Comparison, ModelComparison};
+use aloft_compare::{Comparison, Grade, ModelComparison};
 use aloft_identify::{Determination, Origin, Parameters, Sigma};
 use aloft_ik::CalibrationReport;
 use aloft_pipeline::results::parameters_file;
@@ -141,6 +141,9 @@ pub struct ParametersBrief {
     /// the gate from passing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub misfit: Option<String>,
+    /// What the parameters rest on where the gate passed and an error is poor; none otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reservation: Option<&'static str>,
     /// Body mass, kg.
     pub mass_kg: f64,
     /// Why nothing was identified, so that the compared model is the table's body; none if
@@ -165,6 +168,7 @@ impl ParametersBrief {
             hidden_by_error: false,
             held_by_prior: false,
             misfit: p.gate.misfit.clone(),
+            reservation: None,
             mass_kg: p.mass_kg,
             sigma_ratio: p.sigma.ratio,
             sigma: p.sigma,
@@ -186,6 +190,7 @@ impl ParametersBrief {
             hidden_by_error: false,
             held_by_prior: false,
             misfit: None,
+            reservation: None,
             mass_kg,
             sigma_ratio: none,
             sigma: Sigma { max: none, second: none, min: none, ratio: none },
@@ -363,6 +368,10 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
     let best = best_grades(gate_passed, to_correct.as_ref());
     let against = comparison.against_floor.iter().map(|a| HeldOutError::of(a, &comparison.beside, weight));
     let errors: Vec<HeldOutError> = against.map(|e| e.at_best(&best)).collect();
+    brief.reservation = errors.iter().find(|e| gate_passed && e.grade == Grade::Poor).map(|poor| match poor.because {
+        None => "something is missing, and they answer for it",
+        Some(_) => "they rest on something that is to be corrected first",
+    });
     Ok(ComparisonView {
         version: 1,
         subject: session.facts.person.name.clone(),

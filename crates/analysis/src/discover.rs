@@ -194,7 +194,7 @@ impl Evidence {
             })
             .collect();
         let rows: Vec<ContactRows<'_>> = contact.iter().map(|(trial, rows)| ContactRows { trial, rows }).collect();
-        let spread = floor_spread(session.object.is_some());
+        let spread = floor_spread(session.is_rigid());
         let prepared = prepared.with_draws(&borrowed, &rows, spread);
         with(&RankingInputs { session: prepared, effects: known.all(), accepted })
     }

@@ -9,6 +9,7 @@ mod lines;
 
 pub use lines::{LineStatus, SessionCheck, SessionLine};
 
+use crate::compare::calibration;
 use crate::impulse_mass::mass_by_impulse;
 use crate::marker_noise::white_noise_mm;
 use crate::persons::{persons, several_persons};
@@ -84,6 +85,7 @@ pub fn session_check(session: &SubjectSession) -> Result<SessionCheck, PipelineE
     free_fall(&source, &mut lines)?;
     contact(&source, &mut lines)?;
     markers(&source, &mut lines)?;
+    lines.extend(joint_centres(&source.ws)?);
     Ok(SessionCheck { lines })
 }
 
@@ -97,6 +99,23 @@ fn persons_line(session: &SubjectSession) -> Result<Option<SessionLine>, Pipelin
         ci95: None,
         expected: Some(1.0),
         n: persons.iter().map(|p| p.trials.len()).sum(),
+        status: LineStatus::Differs,
+        words,
+    }))
+}
+
+/// Joint centres that motion and landmarks put at different places; none if they agree.
+fn joint_centres(ws: &Workspace) -> Result<Option<SessionLine>, PipelineError> {
+    let Some(found) = calibration(ws)? else { return Ok(None) };
+    let joints = &found.report.joints;
+    Ok(found.report.contradiction.map(|words| SessionLine {
+        id: "joint_centres",
+        what: "joint centre farthest from its landmarks".to_owned(),
+        value: joints.iter().map(|j| 1e3 * j.moved_m).fold(0.0, f64::max),
+        unit: "mm",
+        ci95: None,
+        expected: Some(0.0),
+        n: joints.len(),
         status: LineStatus::Differs,
         words,
     }))

@@ -38,6 +38,11 @@ impl Motion {
     pub fn q(&self, frame: usize) -> &[f64] {
         &self.q[frame * self.nq..(frame + 1) * self.nq]
     }
+    /// Coordinates of a frame in whole thousandths (mm, mrad): what seeds of drawn errors are made
+    /// from, so that they are the same under other names and in formats that round elsewhere.
+    pub fn thousandths(&self, frame: usize) -> impl Iterator<Item = i64> {
+        self.q(frame).iter().map(|q| (1e3 * q).round() as i64)
+    }
     /// Velocities of a frame.
     pub fn v(&self, frame: usize) -> &[f64] {
         &self.v[frame * self.nv..(frame + 1) * self.nv]

@@ -69,6 +69,7 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
     let scale = if p.from_scale > 0 { format!(", {} from the stated mass", p.from_scale) } else { String::new() };
     let rest = if tables > 0 { format!("{scale}, {tables} from tables") } else { scale };
     let gate = match (p.gate_passed, p.held_by_prior, p.hidden_by_error) {
+        (true, ..) if p.reservation.is_some() => "something missing",
         (true, ..) => "gate passed",
         _ if p.misfit.is_some() => "gate not passed: joints or markers are not where the model has them",
         (false, true, _) => "gate not passed: the stated weight of the prior holds the body at the tables",
@@ -76,7 +77,7 @@ pub fn identified(view: &ComparisonView) -> [String; 2] {
         (false, false, false) => "gate not passed: too little motion to determine the body",
     };
     let words = format!("{} of {} parameters from motion{rest}; {gate}", p.from_motion, p.in_all);
-    let signal = if p.gate_passed { Signal::Good } else { Signal::Poor };
+    let signal = if p.gate_passed && p.reservation.is_none() { Signal::Good } else { Signal::Poor };
     let identified = labelled("identified  ", &words).replacen(gate, &paint(gate, signal), 1);
     [subject, identified]
 }

@@ -107,7 +107,7 @@ pub fn show(
         }
     }
     if let Some(summary) = summary {
-        if let Some(line) = warnings(summary) {
+        if let Some(line) = warnings(summary, far_joint_mm(&views)) {
             out(line)?;
         }
         if details {
@@ -259,8 +259,16 @@ fn to_do(views: &[(&SubjectSession, ComparisonView)]) -> Option<String> {
     Some(labelled("to do       ", &format!("gate not passed: {whose}: {text}; all: aloft parameters")))
 }
 
-/// The recordings with warnings and the reasons, in one line.
-fn warnings(summary: &Summary) -> Option<String> {
+/// Largest distance of a joint from its landmarks, mm, where motion and landmarks contradict each
+/// other about joints.
+fn far_joint_mm(views: &[(&SubjectSession, ComparisonView)]) -> Option<f64> {
+    let reports = views.iter().filter_map(|(_, v)| v.calibration.as_ref()).map(|c| &c.report);
+    let joints = reports.filter(|r| r.contradiction.is_some()).flat_map(|r| &r.joints);
+    joints.map(|j| 1e3 * j.moved_m).max_by(f64::total_cmp)
+}
+
+/// Joints far from their landmarks, and the recordings with warnings and the reasons, in one line.
+fn warnings(summary: &Summary, far_joint_mm: Option<f64>) -> Option<String> {
     let of = |word: &str| summary.rows.iter().filter(|r| r.qc == word).count();
     let all = summary.rows.len();
     let reasons: Vec<String> = summary
@@ -272,8 +280,13 @@ fn warnings(summary: &Summary) -> Option<String> {
         .map(|r| r.reason.replace('_', " "))
         .collect();
     let n = of("warning");
+    let joints = far_joint_mm.map(|mm| format!("joint {mm:.0} mm from its landmarks (aloft check)"));
+    if let (0, Some(joints)) = (n, &joints) {
+        return Some(cut(&format!("warnings    {joints}"), width()));
+    }
+    let joints = joints.map_or(String::new(), |words| format!("{words}; "));
     // as many reasons as the line takes, each whole
-    let mut line = format!("warnings    {n} of {all} recordings (aloft summary):");
+    let mut line = format!("warnings    {joints}{n} of {all} recordings (aloft summary):");
     for (i, reason) in reasons.iter().enumerate() {
         let (space, more) = (if i > 0 { ", " } else { " " }, if i + 1 < reasons.len() { 3 } else { 0 });
         if columns_of(&line) + space.len() + columns_of(reason) + more > width() {

@@ -50,7 +50,7 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
             n => format!("the motion leaves {n} directions to the tables ({names})"),
         };
         let residual = significant(units.residual, 3);
-        let words = format!("{} …, residual {residual}: {left}", smallest.join("  "));
+        let words = format!("{} …, residual {residual} (1 if nothing is missing): {left}", smallest.join("  "));
         out(labelled("in units of the noise: ", &words) + "\n")?;
     }
     let mut t = table(&["parameter", "value", "± 95 %", "tables", "unit", "seen", "regrouping"]).left(&[5]).wrapped(6);
@@ -106,10 +106,8 @@ pub fn parameters(view: &ParametersView) -> Result<(), Stop> {
         }
         out(format!("\nphysically consistent links\n{t}"))?;
     }
-    out(labelled(
-        "±: ",
-        "95 % interval from the noise of the recordings; errors of joint centres and marker places, and effects that the model lacks, are not in it",
-    ))?;
+    out(labelled("±: ", p.intervals_hold()))?;
+
     for reason in p.gate.reasons.iter().chain(&p.gate.advice) {
         out(labelled("- ", reason))?;
     }

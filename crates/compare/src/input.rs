@@ -3,7 +3,7 @@
 use crate::{CompareError, Measured, OffsetRange, PlateDrift};
 use aloft_body::{BaseParameters, Model, Motion, Phi};
 use aloft_regressor::EffectColumns;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Isometry3};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -101,11 +101,22 @@ pub trait PoseErrors: std::fmt::Debug + Sync {
         draws.map(|draw| self.draw(motion, &|f| wanted(draw, f), seed, draw)).collect()
     }
 
-    /// The motion as other geometries of the body would show it that the recordings allow, one
-    /// model with its coordinates for each draw; none where the geometry is known.
-    fn with_geometry(&self, _motion: &Motion, _wanted: &dyn Fn(usize) -> bool) -> Vec<(Model, Motion)> {
+    /// The motion as other geometries of the body would show it that the recordings allow, one for
+    /// each draw; none where the geometry is known.
+    fn with_geometry(&self, _motion: &Motion, _wanted: &dyn Fn(usize) -> bool) -> Vec<OtherGeometry> {
         Vec::new()
     }
+}
+
+/// A body whose geometry is another one.
+#[derive(Debug, Clone)]
+pub struct OtherGeometry {
+    /// Its model.
+    pub model: Model,
+    /// Its coordinates, which leave the same markers.
+    pub motion: Motion,
+    /// For each link the motion from the own model's frame that carries its mass along.
+    pub overlays: Vec<Isometry3<f64>>,
 }
 
 /// One trial.

@@ -60,7 +60,7 @@ pub use errors::{AxisErrors, AxisResidual, FlightErrors, WindowErrors, WrenchErr
 pub use follows::correlation_in_time;
 pub use frames::{TrialSeries, WindowSample};
 pub use grade::{Grade, Graded, Limits, Reserve, Signal};
-pub use input::{Body, Candidate, CompareOptions, PoseErrors, TrialInput};
+pub use input::{Body, Candidate, CompareOptions, OtherGeometry, PoseErrors, TrialInput};
 pub use judgement::{floor_in_words, significant};
 pub use measured::{Measured, measured_wrench};
 pub use noise_floor::{Floor, NoiseFloor, Smooth, noise_root};

@@ -30,7 +30,7 @@ use crate::CompareError;
 use crate::breakdown::{Counting, Group, GroupFloor, GroupSums, Grouping};
 use crate::errors::{MOMENT_LEVER_M, Sums, WindowErrors, WrenchErrors, WrenchSums, halves, joined, rotated};
 use crate::frames::solved;
-use crate::input::{Body, Candidate, CompareOptions, TrialFacts, TrialInput};
+use crate::input::{Body, Candidate, CompareOptions, OtherGeometry, TrialFacts, TrialInput};
 use crate::measured::{FOURTH_DIFFERENCE, median_scale};
 use crate::offset::sought;
 use crate::phase::{Place, places};
@@ -38,7 +38,7 @@ use crate::predict::wrenches;
 use crate::trial_draws::{DrawnWindow, TrialDraws, mean_change};
 use crate::windows::{about, stretches, windows_of};
 use aloft_body::{Model, Motion, Phi, State};
-use aloft_regressor::{Acting, BodyWindows, RegressorError, body_windows};
+use aloft_regressor::{Acting, BodyWindows, RegressorError, body_windows, carried};
 use aloft_signal::{Butterworth, DesignError, LowPass};
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix6, UnitQuaternion, Vector3, Vector6};
 use rand::SeedableRng;
@@ -325,8 +325,10 @@ pub(crate) fn trial_floor(
         add_frames(&mut out, body, candidate, index, &calm, &noisy, measured, filtered_plates.as_deref());
     }
     let others = input.errors.map(|e| e.with_geometry(clean, &wanted)).unwrap_or_default();
-    for (model, motion) in &others {
-        let other = windows(&Body { model, ..*body }, &phi, motion, &runs, &measured, options)?;
+    for OtherGeometry { model, motion, overlays } in &others {
+        let (phi, prior) = (carried(overlays, &phi), carried(overlays, body.prior));
+        let body = Body { model, prior: &prior, ..*body };
+        let other = windows(&body, &phi, motion, &runs, &measured, options)?;
         out.geometry.push(differences(&clean_windows, &other, sought(input)).into_iter().map(|d| d.error).collect());
         out.zeros.push(mean_change(body.model, clean, motion, &wanted));
     }

@@ -29,7 +29,7 @@ pub fn readme(subject: &SubjectExport, files: &[OutFile], making: &Making) -> St
     t.push_str(&format!("Made by {}. All paths are relative to this folder.\n\n", making.program));
     t.push_str("## Inertias\n\n");
     match &subject.source {
-        InertiaSource::Identified { rows, remarks, from_table } => {
+        InertiaSource::Identified { rows, remarks, from_table, .. } => {
             t.push_str(&format!("The models carry masses, centres of mass and inertias **identified** from flights ({rows} rows); `…_prior.osim` has those from tables beside them.\n"));
             for remark in remarks {
                 t.push_str(&format!("\n- {remark}"));
@@ -87,10 +87,13 @@ fn inertias(subject: &SubjectExport) -> String {
         ));
     }
     let total: f64 = subject.links.iter().map(|l| l.mass_kg).sum();
-    let words = if subject.known.is_empty() {
-        "Values from tables have no interval: how far this body is from the tables is not known."
-    } else {
-        "± is half of a 95 % interval from the noise of the recordings; errors of joint centres and effects that the model lacks are not in it. Model files carry all digits."
+    let words = match &subject.source {
+        InertiaSource::Identified { intervals, .. } => {
+            format!("± is half of a {intervals}. Model files carry all digits.")
+        }
+        InertiaSource::Prior { .. } => {
+            "Values from tables have no interval: how far this body is from the tables is not known.".to_owned()
+        }
     };
     t + &format!("\nThe total, {} kg, is stated and not measured by the motion. {words}\n", fixed(total, 3))
 }

@@ -18,6 +18,8 @@ pub enum InertiaSource {
         /// Values that motion did not determine, by link (`thigh_l: mass, inertia`); they come from
         /// the table.
         from_table: Vec<String>,
+        /// What the intervals hold and what they do not.
+        intervals: String,
     },
     /// Taken from the prior.
     Prior {

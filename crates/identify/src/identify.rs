@@ -192,8 +192,10 @@ pub fn identify_with_errors(
                 metric.estimate(mass_kg, of.map(|p| p.prepared(mass_kg)).transpose()?.as_ref(), 1.0)
             };
             let mut found = estimate(base_prior.as_ref())?;
-            // the prior with the linear map that the estimate uses: where it decides, at the links
-            // found, in whose shape the size is the table's
+            // where the prior decides, its map is taken at the links found, in whose shape the size
+            // is the table's. Where the motion decides, its own: of a model that lacks a large
+            // force the links found are no place for a map (a quadruped that carries an unknown
+            // load then leaves three times the error)
             let mut held = base_prior.clone();
             let rounds = if found.units.undetermined > 0 { ROUNDS } else { 0 };
             for prior in std::iter::repeat_n(prior, rounds).flatten() {
@@ -288,6 +290,7 @@ pub fn identify_with_errors(
         cluster: options.cluster,
         contact: balance,
         se_from: fit.se_from(cluster_names.len()),
+        with_geometry: fit.repeats,
     };
     let draws = fit.draws.into_iter().map(|d| visible.whole(d)).collect();
     Ok(Identification { parameters, covariance: visible.whole_covariance(fit.covariance), draws })

@@ -6,7 +6,6 @@
 //! parameters whose interval is clearly smaller than the prior's because of motion. The second
 //! concerns the predicted wrench, for which the parameters are used. With prior covariance P (given
 //! the mass) and posterior covariance C₋g without a fold g of the flights, whose rows are A_g,
-//! without a fold g of the flights, whose rows are A_g,
 //!
 //! ```text
 //! share of the prior's variance that motion removes = 1 − Σ_g tr(A_g C₋g A_gᵀ) / Σ_g tr(A_g P A_gᵀ)

@@ -4,7 +4,7 @@
 //! `S = TᵀT` ([`mod@aloft_regressor::matrix_noise`]) and `ψ = (φ, θ, −1)`, the estimate minimises
 //!
 //! ```text
-//! n ψᵀGψ / ψᵀSψ  +  λ (φ − φ₀)ᵀ P⁻¹ (φ − φ₀)          the mass given
+//! n ψᵀGψ / ψᵀSψ  +  λ q (φ − φ₀)ᵀ P⁻¹ (φ − φ₀)        the mass given, q = ψᵀGψ / ψᵀSψ
 //! ```
 //!
 //! For flights without a prior this is the null vector of the pair (R, T), the smallest vector of
@@ -49,8 +49,9 @@ const ROUNDING: f64 = 1e-12;
 /// Unit vectors whose difference is shorter than this are the same.
 const PARALLEL: f64 = 1e-9;
 
-/// Most iterations for q; it grows, and settles within three or four.
-const ITERATIONS: usize = 50;
+/// Most iterations for q; it grows, and settles within three or four, or slowly where a force is
+/// missing that leaves 300 times the noise.
+const ITERATIONS: usize = 500;
 
 /// The rows in units of their noise.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -262,9 +262,20 @@ pub struct Parameters {
     pub contact: Option<KindBalance>,
     /// Source of the standard errors, in words.
     pub se_from: String,
+    /// True if the intervals hold drawn errors of joint centres and marker places.
+    #[serde(default)]
+    pub with_geometry: bool,
 }
 
 impl Parameters {
+    /// What the intervals hold and what they do not, as every surface says it.
+    pub fn intervals_hold(&self) -> &'static str {
+        if self.with_geometry {
+            "95 % interval from the noise of the recordings and from errors of joint centres and marker places; effects that the model lacks are not in it"
+        } else {
+            "95 % interval from the noise of the recordings; errors of joint centres and marker places, and effects that the model lacks, are not in it"
+        }
+    }
     /// Number of flights used.
     pub fn n_flights(&self) -> usize {
         self.n_stretches.saturating_sub(self.n_contacts)

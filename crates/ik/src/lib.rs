@@ -29,7 +29,7 @@ mod tree;
 
 pub use calibrate::{
     CalibrateOptions, Calibration, CalibrationReport, Clip, GeometryError, JointChange, MarkerChange, TrialFit,
-    calibrate, calibrate_clips, shares,
+    calibrate, calibrate_clips, contradiction, shares,
 };
 pub use error::IkError;
 pub use labels::{LabelExchange, exchange_labels, label_exchanges};

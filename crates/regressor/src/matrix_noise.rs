@@ -159,7 +159,7 @@ fn disturb(
     let (mut unit, mut step) = (vec![0.0; nv], vec![0.0; nv]);
     for (frame, root) in (stretch.first_frame..).zip(roots) {
         let Some(root) = root else { continue };
-        let mut rng = ChaCha8Rng::seed_from_u64(seed(stretch, draw));
+        let mut rng = ChaCha8Rng::seed_from_u64(seed(motion, stretch, draw));
         rng.set_stream(frame as u64);
         unit.iter_mut().for_each(|u| *u = StandardNormal.sample(&mut rng));
         for (i, step) in step.iter_mut().enumerate() {
@@ -170,15 +170,17 @@ fn disturb(
     out
 }
 
-/// Seed of a draw, from the frames of the stretch (FNV-1a): recordings under other names give the
-/// same numbers.
-fn seed(stretch: &Stretch, draw: usize) -> u64 {
+/// Seed of a draw, from the frames of the stretch and where it begins (FNV-1a): recordings under
+/// other names and in other formats give the same numbers, and two recordings do not share their
+/// errors, which would not average out.
+fn seed(motion: &Motion, stretch: &Stretch, draw: usize) -> u64 {
     let kind = match stretch.kind {
         crate::StretchKind::Flight => 0_u64,
         crate::StretchKind::Contact => 1,
         crate::StretchKind::Merged => 2,
     };
     let numbers = [kind, stretch.first_frame as u64, stretch.end_frame as u64, draw as u64];
-    let bytes = numbers.iter().flat_map(|n| n.to_le_bytes());
+    let place = motion.thousandths(stretch.first_frame).map(|q| q as u64);
+    let bytes = numbers.into_iter().chain(place).flat_map(u64::to_le_bytes);
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
 }

@@ -207,15 +207,15 @@ fn laid_over(from: impl Iterator<Item = Vector3<f64>>, to: impl Iterator<Item = 
     Isometry3::from_parts(x.fixed_rows::<3>(0).into_owned().into(), turn)
 }
 
-/// The links' parameters in the frames of another geometry of the same body: each link is laid over
-/// its other one by its markers and joint centres, and carries its mass along. Models with their
-/// markers, in the same order.
-pub fn carried(from: (&Model, &[ModelMarker]), to: (&Model, &[ModelMarker]), phi: &[Phi]) -> Vec<Phi> {
-    let moved = |(link, phi): (usize, &Phi)| {
-        let over = laid_over(places(from.0, from.1, link), places(to.0, to.1, link));
-        phi_transform(&over) * phi
-    };
-    phi.iter().enumerate().map(moved).collect()
+/// For each link the small motion that lays it over that of another geometry of the same body, by
+/// its markers and joint centres. Models with their markers, in the same order.
+pub fn overlays(from: (&Model, &[ModelMarker]), to: (&Model, &[ModelMarker])) -> Vec<Isometry3<f64>> {
+    (0..from.0.n_links()).map(|l| laid_over(places(from.0, from.1, l), places(to.0, to.1, l))).collect()
+}
+
+/// The links' parameters in the frames of another geometry: each link carries its mass along.
+pub fn carried(overlays: &[Isometry3<f64>], phi: &[Phi]) -> Vec<Phi> {
+    overlays.iter().zip(phi).map(|(over, phi)| phi_transform(over) * phi).collect()
 }
 
 #[cfg(test)]
@@ -258,7 +258,7 @@ mod tests {
         for child in turned.links.iter_mut().filter(|c| c.parent == Some(link)) {
             child.joint.parent_from_joint = turn * child.joint.parent_from_joint;
         }
-        let found = carried((&model, &markers), (&turned, &places), &phi);
+        let found = carried(&overlays((&model, &markers), (&turned, &places)), &phi);
         for (l, (found, phi)) in found.iter().zip(&phi).enumerate() {
             let (found, own) = (LinkInertia::from_phi(found), LinkInertia::from_phi(phi));
             let expected = if l == link { turn * own.com_m } else { own.com_m };

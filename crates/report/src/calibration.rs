@@ -1,5 +1,6 @@
 //! Result of the geometry calibration over all recordings.
 
+use super::headline::sentence_of;
 use super::story::Story;
 use super::wording::{card, number};
 use aloft_page::{Block, Dots, Figure, Light, Section, Table, Words};
@@ -16,6 +17,7 @@ struct Report {
     held_out_rms_before_m: Option<f64>,
     held_out_rms_after_m: Option<f64>,
     joints: Vec<Joint>,
+    contradiction: Option<String>,
     markers: Vec<Marker>,
 }
 
@@ -55,7 +57,7 @@ fn of(story: &Story<'_>, r: &Report) -> Result<Option<Section>, PipelineError> {
     let manifest = story.ws.manifest("calibrate", WHOLE_STUDY)?;
     let used = manifest.and_then(|m| m.summary.get("used").and_then(serde_json::Value::as_bool));
     let (before, after) = (mm(r.held_out_rms_before_m), mm(r.held_out_rms_after_m));
-    let light = if after < before { Light::Good } else { Light::Fair };
+    let light = if after < before && r.contradiction.is_none() { Light::Good } else { Light::Fair };
     let moved: Vec<f64> = r.joints.iter().map(|j| mm(j.moved_m)).filter(|m| m.is_finite()).collect();
     let mut blocks = vec![Block::Cards {
         cards: vec![
@@ -77,6 +79,7 @@ fn of(story: &Story<'_>, r: &Report) -> Result<Option<Section>, PipelineError> {
     if used == Some(false) {
         blocks.push(Block::remark(Light::Fair, "The held-out error did not fall: the landmarks' geometry was kept."));
     }
+    blocks.extend(r.contradiction.iter().map(|words| Block::remark(Light::Poor, sentence_of(words))));
     let mut markers: Vec<&Marker> = r.markers.iter().collect();
     markers.sort_by(|a, b| mm(b.rms_before_m).total_cmp(&mm(a.rms_before_m)));
     let names: Vec<String> = markers.iter().map(|m| m.label.clone()).collect();

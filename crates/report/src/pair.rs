@@ -37,9 +37,9 @@ pub(super) fn lines(story: &Story<'_>) -> Lines {
     add("stature, m", maybe(person.height_m));
     if let Some(p) = story.comparison.as_ref().map(|v| &v.parameters).filter(|p| p.in_all > 0) {
         let gate = match (p.gate_passed, &p.misfit) {
-            (true, _) => "",
-            (false, Some(_)) => "; joints or markers are not where the model has them",
-            (false, None) => "; too few flights to determine the body",
+            (true, _) => p.reservation.map_or(String::new(), |words| format!("; {words}")),
+            (false, Some(_)) => "; joints or markers are not where the model has them".to_owned(),
+            (false, None) => "; too few flights to determine the body".to_owned(),
         };
         add(
             "parameters from motion",

@@ -16,12 +16,13 @@ use aloft_workspace::error::PipelineError;
 pub fn chapter(story: &Story<'_>) -> Result<Option<Chapter>, PipelineError> {
     let Some(found) = &story.found else { return Ok(None) };
     let p = &found.parameters;
-    let light = match (p.gate.passed, p.gate.reasons.is_empty()) {
+    let reservation = story.comparison.as_ref().and_then(|v| v.parameters.reservation);
+    let light = match (p.gate.passed && reservation.is_none(), p.gate.reasons.is_empty()) {
         (true, true) => Light::Good,
         (true, false) => Light::Fair,
         (false, _) => Light::Poor,
     };
-    let mut sections = vec![trust(p)];
+    let mut sections = vec![trust(p, reservation)];
     sections.extend(anthropometry::section(story, p)?);
     sections.push(base(p));
     Ok(Some(Chapter {
@@ -35,7 +36,7 @@ pub fn chapter(story: &Story<'_>) -> Result<Option<Chapter>, PipelineError> {
 }
 
 /// How far the numbers can be trusted.
-fn trust(p: &Parameters) -> Section {
+fn trust(p: &Parameters, reservation: Option<&str>) -> Section {
     let of = |word: &str| p.base.iter().filter(|b| b.determined_by() == word).count();
     let table = p.base.iter().filter(|b| b.from == Origin::Table).count();
     let nothing = p.base.iter().filter(|b| b.from == Origin::NotDetermined).count();
@@ -64,6 +65,7 @@ fn trust(p: &Parameters) -> Section {
         ],
     }];
     let light = if p.gate.passed { Light::Fair } else { Light::Poor };
+    blocks.extend(reservation.map(|words| Block::remark(Light::Poor, format!("Of these parameters: {words}."))));
     blocks.extend(p.gate.reasons.iter().map(|r| Block::remark(light, r.clone())));
     blocks.push(Block::text(format!(
         "Estimator: {}; weight of the tables {}; {} stretches of {} recordings. Intervals: {}.",

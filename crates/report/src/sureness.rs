@@ -5,6 +5,7 @@ use super::lights::times;
 use super::place_errors::{PlaceError, asked, effects};
 use super::story::Story;
 use super::wording::{count, number, plus_minus, unit};
+use aloft_analysis::compare::ParametersBrief;
 use aloft_analysis::verdict;
 use aloft_discover::{Candidate, Discovery, OpenWorld, Verdict};
 
@@ -109,6 +110,9 @@ pub(crate) fn how_sure(story: &Story<'_>, first: Option<&PlaceError>) -> String 
         let flights = p.stretches();
         let brief = story.comparison.as_ref().map(|v| &v.parameters).filter(|b| b.in_all > 0);
         parts.push(match (p.gate.passed, p.gate.reasons.first(), brief) {
+            (true, _, Some(ParametersBrief { reservation: Some(words), .. })) => {
+                format!("{flights} determine the parameters, but {words}.")
+            }
             (true, None, _) => format!("{flights} determine the parameters."),
             (true, Some(reason), _) => format!("{flights}: {}.", reason.trim_end_matches('.')),
             (false, ..) if p.gate.misfit.is_some() => {

@@ -56,9 +56,12 @@ impl SensorErrors {
     }
 
     /// The motion with the errors of one draw added and subtracted, in all its frames. They depend
-    /// on the number of frames, not on the recording's name.
+    /// on where the recording begins and on its length, not on its name.
     pub fn pair(&self, motion: &Motion, seed: u64, draw: u64) -> [Motion; 2] {
-        let unnamed = Motion { trial: motion.n_frames().to_string(), ..motion.clone() };
+        let n = motion.n_frames();
+        let begins: Vec<i64> =
+            (0..n).find(|i| motion.is_valid(*i)).into_iter().flat_map(|i| motion.thousandths(i)).collect();
+        let unnamed = Motion { trial: format!("{n} {begins:?}"), ..motion.clone() };
         [1.0, -1.0].map(|sign| {
             let drawn = self.draw_times(sign, &unnamed, &|_| true, seed, draw);
             Motion { trial: motion.trial.clone(), ..drawn }

@@ -196,7 +196,8 @@ fn inertias(
         com_m: l.ci95.com_m.map(half_of),
         from: l.from.describe(),
     });
-    Ok((links, known.collect(), InertiaSource::Identified { rows, remarks, from_table }))
+    let intervals = found.parameters.intervals_hold().to_owned();
+    Ok((links, known.collect(), InertiaSource::Identified { rows, remarks, from_table, intervals }))
 }
 
 /// Trials to export.

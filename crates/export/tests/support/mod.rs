@@ -85,6 +85,7 @@ pub fn subject(convention: Convention) -> SubjectExport {
         rows: "weak".into(),
         remarks: vec!["2 of 9 stay".into()],
         from_table: vec!["hand: mass".into()],
+        intervals: "95 % interval from the noise of the recordings".into(),
     };
     SubjectExport::new(subject, links, source, convention, Vec::new(), "aloft test").unwrap()
 }

@@ -32,7 +32,7 @@ mod select;
 pub use clip::Clip;
 pub use geometry_error::GeometryError;
 pub use options::CalibrateOptions;
-pub use report::{CalibrationReport, JointChange, MarkerChange, TrialFit};
+pub use report::{CalibrationReport, JointChange, MarkerChange, TrialFit, contradiction};
 pub use select::shares;
 
 use crate::IkError;
@@ -103,7 +103,7 @@ pub fn calibrate_clips(subject: &Subject, clips: &[Clip], options: &CalibrateOpt
         (present, errors) = (calibrated, drawn);
         tracked.par_iter_mut().try_for_each(|t| t.track_again(&present, &options.ik))?;
         if round + 1 == options.rounds {
-            report.finish(&present, &start, &uncertainty, &chosen, &tracked)?;
+            report.finish(&present, &start, &uncertainty, options, &chosen, &tracked)?;
         }
     }
     present.provenance.push(format!(

@@ -2,6 +2,7 @@
 
 use super::bundle::Uncertainty;
 use super::clip::Tracked;
+use super::options::CalibrateOptions;
 use super::reference::Reference;
 use super::select::{FrameId, Selection};
 use crate::IkError;
@@ -20,12 +21,43 @@ pub struct JointChange {
     pub calibrated_m: Vector3<f64>,
     /// Distance between the two, m.
     pub moved_m: f64,
+    /// Standard deviation of the centre from landmarks along each axis, m; none in reports of
+    /// earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub landmark_sd_m: Option<f64>,
     /// Standard deviation of the calibrated centre, root mean square over axes, m.
     pub sd_m: f64,
     /// Rotation of a hinge's axis, rad; `None` for other joints.
     pub axis_turned_rad: Option<f64>,
     /// Standard deviation of the calibrated axis, rad; none for other joints.
     pub axis_sd_rad: Option<f64>,
+}
+
+/// Distance from the landmarks, in their standard deviations, above which motion and landmarks
+/// contradict each other: chance puts one centre in thirty there, and so one of all in every third
+/// person.
+const FAR_IN_SD: f64 = 3.0;
+
+/// What to say of joint centres that motion and landmarks put at different places; none if they
+/// agree.
+pub fn contradiction(joints: &[JointChange]) -> Option<String> {
+    let mut far: Vec<(&JointChange, f64)> = joints
+        .iter()
+        .filter_map(|j| Some((j, j.landmark_sd_m?)))
+        .filter(|(j, sd_m)| j.moved_m > FAR_IN_SD * sd_m)
+        .collect();
+    far.sort_by(|a, b| b.0.moved_m.total_cmp(&a.0.moved_m));
+    let each = |(j, sd_m): &(&JointChange, f64)| {
+        format!("{} {:.0} mm (good to {:.0} mm)", j.link.replace('_', " "), 1e3 * j.moved_m, 1e3 * sd_m)
+    };
+    let named: Vec<String> = far.iter().map(each).collect();
+    (!named.is_empty()).then(|| {
+        format!(
+            "motion moves joints far from their landmarks: {}; look for labels on wrong markers, a wrong static trial or parts that bend: if \
+             the landmarks are right, masses beside these joints answer for it (`calibrate: {{enabled: off}}` keeps the landmarks)",
+            named.join(", ")
+        )
+    })
 }
 
 /// One marker, before and after.
@@ -77,6 +109,10 @@ pub struct CalibrationReport {
     pub markers: Vec<MarkerChange>,
     /// Trials.
     pub trials: Vec<TrialFit>,
+    /// Joint centres of the geometry in use that motion and landmarks put at different places
+    /// ([`contradiction`]), in words; none if there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contradiction: Option<String>,
 }
 
 impl CalibrationReport {
@@ -111,6 +147,7 @@ impl CalibrationReport {
         calibrated: &Subject,
         landmarks: &Reference,
         uncertainty: &Uncertainty,
+        options: &CalibrateOptions,
         selection: &Selection,
         tracked: &[Tracked],
     ) -> Result<(), IkError> {
@@ -143,6 +180,7 @@ impl CalibrationReport {
                     landmark_m: landmarks.centre[i],
                     calibrated_m: now.centre[i],
                     moved_m: (now.centre[i] - landmarks.centre[i]).norm(),
+                    landmark_sd_m: Some(options.joint_sd(&link.name)),
                     sd_m: uncertainty.centre_m[i],
                     axis_turned_rad: hinge.then_some(turned),
                     axis_sd_rad: hinge.then_some(uncertainty.axis_rad[i]),

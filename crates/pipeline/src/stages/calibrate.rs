@@ -9,7 +9,9 @@ use crate::results::Results;
 use crate::stages::object::may_teach;
 use crate::stages::shared::save_subject;
 use aloft_body::Subject;
-use aloft_ik::{CalibrateOptions, Calibration, Clip, GeometryError, IkError, IkOptions, calibrate_clips, shares};
+use aloft_ik::{
+    CalibrateOptions, Calibration, Clip, GeometryError, IkError, IkOptions, calibrate_clips, contradiction, shares,
+};
 use aloft_scale::{Anthropometry, JointUncertainty, ObjectSpec, StaticAnatomy, attach_prior};
 use aloft_study::config::{CalibrateConfig, Switch};
 use aloft_study::facts::Facts;
@@ -20,12 +22,12 @@ use aloft_workspace::error::StageFailure;
 use aloft_workspace::json::{from_value, read_json, read_json_if_there, write_json};
 use aloft_workspace::manifest::WHOLE_STUDY;
 use rayon::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "calibrate",
-    version: 8,
+    version: 9,
     scope: Scope::Session,
     seconds: 1.5,
     reads: "dynamic trials that are not held out, `Subject`",
@@ -97,9 +99,9 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         return Ok(done);
     }
     let folder = inputs.results.place("scale", WHOLE_STUDY)?;
-    let report: serde_json::Value = read_json(&folder.join("report.json"))?;
+    let scaled: serde_json::Value = read_json(&folder.join("report.json"))?;
     let joints: Vec<JointUncertainty> =
-        from_value(report["joints"].clone()).map_err(|e| StageFailure::new(format!("scale/report.json: {e}")))?;
+        from_value(scaled["joints"].clone()).map_err(|e| StageFailure::new(format!("scale/report.json: {e}")))?;
     let options = CalibrateOptions {
         frames: config.frames,
         joint_sd_m: joints.iter().map(|j| (j.link.clone(), j.centre_sd_m)).collect(),
@@ -122,21 +124,16 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         }
         Err(e) => return Err(StageFailure::new(e.to_string())),
     };
-    let r = &result.report;
-    done.note("rms_before_mm", r.held_out_rms_before_m * 1e3);
-    done.note("rms_after_mm", r.held_out_rms_after_m * 1e3);
-    let keep = config.enabled == Switch::On || r.held_out_rms_after_m < r.held_out_rms_before_m;
+    let mut report = result.report;
+    done.note("rms_before_mm", report.held_out_rms_before_m * 1e3);
+    done.note("rms_after_mm", report.held_out_rms_after_m * 1e3);
+    let keep = config.enabled == Switch::On || report.held_out_rms_after_m < report.held_out_rms_before_m;
     done.note("used", keep);
-    write_json(&inputs.out.join("report.json"), r)?;
-    for joint in r.joints.iter().filter(|j| keep && j.moved_m > FAR_IN_SD * options.joint_sd(&j.link)) {
-        done.warnings.push(format!(
-            "the joint of {} moved by {:.0} mm from its landmarks, which are good to {:.0} mm: look for labels on wrong \
-             markers, or set `calibrate: {{enabled: off}}`",
-            joint.link,
-            1e3 * joint.moved_m,
-            1e3 * options.joint_sd(&joint.link)
-        ));
+    if keep {
+        report.contradiction = contradiction(&report.joints);
+        done.warnings.extend(report.contradiction.clone());
     }
+    write_json(&inputs.out.join("report.json"), &report)?;
     let (chosen, errors) = if keep {
         let mut calibrated = result.subject;
         let anatomy: StaticAnatomy = read_json(&folder.join("anatomy.json"))?;
@@ -176,9 +173,19 @@ fn from_landmarks(subject: &Subject, options: &CalibrateOptions) -> Result<Vec<G
     GeometryError::of_landmarks(subject, options).map_err(|e| StageFailure::new(e.to_string()))
 }
 
-/// Distance from the landmarks, in their standard deviations, above which a calibrated joint centre
-/// is named: chance puts one centre in thirty there.
-const FAR_IN_SD: f64 = 3.0;
+/// Joint centres of the geometry in use that motion and landmarks put at different places, in
+/// words; none for objects, robots and models of files.
+///
+/// # Errors
+/// A report that cannot be read.
+pub fn contradicted(results: Results<'_>) -> Result<Option<String>, StageFailure> {
+    #[derive(Default, Deserialize)]
+    struct Of {
+        contradiction: Option<String>,
+    }
+    let file = results.place("calibrate", WHOLE_STUDY)?.join("report.json");
+    Ok(read_json_if_there::<Of>(&file)?.unwrap_or_default().contradiction)
+}
 
 /// Each thread reads one trial after the other and keeps only the frames that take part.
 fn calibrate_over(

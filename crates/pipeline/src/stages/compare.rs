@@ -38,7 +38,7 @@ pub use trial::{ComparedTrial, HeldOut, has_validation, load_trials};
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "compare",
-    version: 16,
+    version: 17,
     scope: Scope::Session,
     seconds: 0.6,
     reads: "parameters, held-out trials",
@@ -75,7 +75,7 @@ pub struct Params {
     /// Time at both ends of a flight that the paper's rows leave out, s.
     pub margin_s: f64,
     /// True for objects.
-    pub is_object: bool,
+    pub is_rigid: bool,
     /// Inverse kinematics.
     pub ik: IkConfig,
     /// Inverse kinematics of trials with settings of their own.
@@ -100,7 +100,7 @@ impl Params {
             identify: config.identify.clone(),
             contact: session.identifies_from_contact(),
             margin_s: config.flight.margin_s,
-            is_object: session.object.is_some(),
+            is_rigid: session.is_rigid(),
             ik: config.ik.clone(),
             ik_of_trials: session.included().filter_map(own).collect(),
             effects: session.model_effects(),
@@ -194,11 +194,11 @@ impl From<CompareError> for Failed {
     }
 }
 
-/// [`CompareOptions::floor_spread`] of people and of objects. With the spread of people the
+/// [`CompareOptions::floor_spread`] of people, and of objects and robots, which have none. With the spread of people the
 /// intervals of 80 simulated ones contain the true error in 95 % of flights and contacts together
 /// (`benches/floor.py`, seeds 11 and 21).
-pub fn floor_spread(is_object: bool) -> f64 {
-    if is_object { 0.0 } else { 0.12 }
+pub fn floor_spread(is_rigid: bool) -> f64 {
+    if is_rigid { 0.0 } else { 0.12 }
 }
 
 /// Options of the comparison that follow from the pipeline.
@@ -209,7 +209,7 @@ pub fn compare_options(params: &Params, subject: &Subject) -> CompareOptions {
         window_s: params.compare.window_s,
         flight_window_s: (params.regressor.window_s > 0.0).then_some(params.regressor.window_s),
         mass_kg: Some(subject.facts.mass_kg),
-        floor_spread: floor_spread(params.is_object),
+        floor_spread: floor_spread(params.is_rigid),
         seed: ERROR_SEED,
         ..CompareOptions::default()
     }

@@ -5,6 +5,7 @@ use crate::factors::{load_factors, load_repeated, row_kind};
 use crate::graph::{Need, Scope, Stage, StageInputs, StageReport, StageWork, parameters_of, run_of};
 use crate::merge;
 use crate::results::parameters_file;
+use crate::stages::calibrate::contradicted;
 use crate::stages::stage_of;
 use aloft_body::{BaseParameters, LinkInertia, Subject};
 use aloft_identify::{
@@ -25,7 +26,7 @@ use std::collections::{HashMap, HashSet};
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "identify",
-    version: 11,
+    version: 12,
     scope: Scope::Session,
     seconds: 0.3,
     reads: "all factors",
@@ -433,6 +434,7 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
         let errors = training_errors(inputs, &factors)?;
         match identify_with(params, &subject, &factors, flights.as_ref(), &errors, estimator(params, rows), bootstrap) {
             Ok(mut parameters) => {
+                parameters.gate.reasons.splice(0..0, contradicted(inputs.results)?);
                 if let Some(misfit) = misfit_of(inputs)? {
                     parameters.gate.passed = false;
                     parameters.gate.reasons.insert(0, misfit.clone());

@@ -12,7 +12,7 @@ use aloft_ik::MarkerErrors;
 use aloft_regressor::matrix_noise::EffectsAt;
 use aloft_regressor::{
     Acting, CoordinateNoise, EffectColumns, MatrixNoise, MotionErrors, Noise, RegressorError, RepeatedErrors, Seen,
-    SeenBody, Stretch, StretchKind, WeakOptions, carried, weak_factor, weak_factor_with_noise,
+    SeenBody, Stretch, StretchKind, WeakOptions, carried, overlays, weak_factor, weak_factor_with_noise,
     weak_factor_with_repeated,
 };
 use aloft_study::config::{Estimator, IkConfig, Weighting};
@@ -28,7 +28,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "regressor",
-    version: 11,
+    version: 12,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     seconds: 0.15,
     reads: "`Motion`, flights, plates",
@@ -173,7 +173,7 @@ impl Drawn {
         let seen = errors.with_geometry(&rows.motion, &wanted, &others);
         let (phi, from) = (subject.prior_phi(), (&subject.model, subject.markers.as_slice()));
         let body = |(other, motion): (Subject, Motion)| SeenBody {
-            phi: carried(from, (&other.model, &other.markers), &phi),
+            phi: carried(&overlays(from, (&other.model, &other.markers)), &phi),
             model: other.model,
             motion,
         };

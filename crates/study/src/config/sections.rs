@@ -438,7 +438,8 @@ RegressorConfig {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Estimator {
-    /// Regularised where the rows alone do not see every parameter; mass-constrained otherwise.
+    /// For objects and robots the metric of the rows' noise; for people the tables beside least
+    /// squares; what `contact` or `null_vector` need is stated by them.
     Auto,
     /// Smallest vector in the metric of the rows' own noise, with the body mass known; directions
     /// that the motion does not determine keep the values of tables or drawing.

@@ -8,10 +8,12 @@ use crate::stages::filter::low_pass;
 use crate::stages::robot::RobotErrors;
 use crate::stages::shared::fit_options;
 use crate::trial_rows::{TrialRows, effect_columns};
-use aloft_body::{Model, Motion, Subject};
-use aloft_compare::{Measured, OffsetRange, PlateDrift, PoseErrors, TareReadings, TrialInput, measured_wrench};
+use aloft_body::{Motion, Subject};
+use aloft_compare::{
+    Measured, OffsetRange, OtherGeometry, PlateDrift, PoseErrors, TareReadings, TrialInput, measured_wrench,
+};
 use aloft_ik::MarkerErrors;
-use aloft_regressor::EffectColumns;
+use aloft_regressor::{EffectColumns, overlays};
 use aloft_signal::{Butterworth, LowPass};
 use aloft_study::calendar::Calendar;
 use aloft_study::subject_session::Role;
@@ -56,6 +58,7 @@ pub struct ComparedTrial {
 #[derive(Debug)]
 pub struct DrawnErrors {
     markers: MarkerErrors,
+    subject: Subject,
     geometries: Vec<Subject>,
 }
 
@@ -72,9 +75,15 @@ impl PoseErrors for DrawnErrors {
     ) -> Vec<Motion> {
         self.markers.draw_each(motion, wanted, seed, draws)
     }
-    fn with_geometry(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool) -> Vec<(Model, Motion)> {
+    fn with_geometry(&self, motion: &Motion, wanted: &dyn Fn(usize) -> bool) -> Vec<OtherGeometry> {
         let seen = self.markers.with_geometry(motion, wanted, &self.geometries);
-        self.geometries.iter().map(|s| s.model.clone()).zip(seen).collect()
+        let own = (&self.subject.model, self.subject.markers.as_slice());
+        let of = |(other, motion): (&Subject, Motion)| OtherGeometry {
+            model: other.model.clone(),
+            motion,
+            overlays: overlays(own, (&other.model, &other.markers)),
+        };
+        self.geometries.iter().zip(seen).map(of).collect()
     }
 }
 
@@ -100,13 +109,14 @@ impl ComparedTrial {
         let mut subject = subject.clone();
         let options = fit_options(params.ik_of(&self.name), results, &mut subject)?;
         let (trial, _) = results.load_labelled_markers(&self.name)?;
-        let of = if params.is_object { MarkerErrors::of_rigid } else { MarkerErrors::of };
+        let of = if params.is_rigid { MarkerErrors::of_rigid } else { MarkerErrors::of };
         let errors = of(&subject, &trial, &self.unfiltered, &options).map_err(|e| StageFailure::new(e.to_string()))?;
         let geometries = geometry_errors(results)?
             .iter()
             .map(|e| e.applied(&subject).map_err(|e| StageFailure::new(e.to_string())))
             .collect::<Result<Vec<_>, _>>()?;
-        self.errors = errors.map(|markers| Box::new(DrawnErrors { markers, geometries }) as Box<dyn PoseErrors + Send>);
+        let drawn = |markers| DrawnErrors { markers, subject, geometries };
+        self.errors = errors.map(|markers| Box::new(drawn(markers)) as Box<dyn PoseErrors + Send>);
         Ok(self)
     }
 
