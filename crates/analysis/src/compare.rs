@@ -369,8 +369,8 @@ pub fn compare(session: &SubjectSession) -> Result<ComparisonView, PipelineError
     let against = comparison.against_floor.iter().map(|a| HeldOutError::of(a, &comparison.beside, weight));
     let errors: Vec<HeldOutError> = against.map(|e| e.at_best(&best)).collect();
     brief.reservation = errors.iter().find(|e| gate_passed && e.grade == Grade::Poor).map(|poor| match poor.because {
-        None => "something is missing, and they answer for it",
-        Some(_) => "they rest on something that is to be corrected first",
+        None => "something is missing from the model and may bias the parameters",
+        Some(_) => "the parameters depend on an error that has to be corrected first",
     });
     Ok(ComparisonView {
         version: 1,

@@ -65,7 +65,7 @@ fn trust(p: &Parameters, reservation: Option<&str>) -> Section {
         ],
     }];
     let light = if p.gate.passed { Light::Fair } else { Light::Poor };
-    blocks.extend(reservation.map(|words| Block::remark(Light::Poor, format!("Of these parameters: {words}."))));
+    blocks.extend(reservation.map(|words| Block::remark(Light::Poor, format!("The held-out error is poor: {words}."))));
     blocks.extend(p.gate.reasons.iter().map(|r| Block::remark(light, r.clone())));
     blocks.push(Block::text(format!(
         "Estimator: {}; weight of the tables {}; {} stretches of {} recordings. Intervals: {}.",

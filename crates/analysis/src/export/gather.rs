@@ -175,7 +175,7 @@ fn inertias(
         let times = e.times_floor?;
         let why = match e.because {
             Some(_) => "the recordings have to be corrected first (`aloft run` says what)",
-            None => "something is missing in the model, and the inertias answer for it (`aloft discover`)",
+            None => "something is missing from the model and may bias the inertias (`aloft discover`)",
         };
         Some(format!(
             "the held-out error in {} is {} times its noise floor, {}: {why}",

@@ -48,13 +48,13 @@ pub fn contradiction(joints: &[JointChange]) -> Option<String> {
         .collect();
     far.sort_by(|a, b| b.0.moved_m.total_cmp(&a.0.moved_m));
     let each = |(j, sd_m): &(&JointChange, f64)| {
-        format!("{} {:.0} mm (good to {:.0} mm)", j.link.replace('_', " "), 1e3 * j.moved_m, 1e3 * sd_m)
+        format!("{} {:.0} mm (landmarks good to {:.0} mm)", j.link.replace('_', " "), 1e3 * j.moved_m, 1e3 * sd_m)
     };
     let named: Vec<String> = far.iter().map(each).collect();
     (!named.is_empty()).then(|| {
         format!(
-            "motion moves joints far from their landmarks: {}; look for labels on wrong markers, a wrong static trial or parts that bend: if \
-             the landmarks are right, masses beside these joints answer for it (`calibrate: {{enabled: off}}` keeps the landmarks)",
+            "calibration moved joint centres far from their landmarks: {}; check labels, the static trial and segments that bend: if the \
+             landmarks are right, the masses of adjacent segments are biased (`calibrate: {{enabled: off}}` keeps the landmarks)",
             named.join(", ")
         )
     })
