@@ -3,9 +3,9 @@
 
 use crate::alike::alike;
 use crate::clusters::{Clusters, Correction, choose_weight, merge_groups};
-use crate::gate::{determination, judge};
+use crate::gate::{WELL, determination, judge};
 use crate::interval::{half_of, interval95, not_negative};
-use crate::links::{ConsistentLinks, LinkSd, gradient, link_with_sd};
+use crate::links::{LinkSd, gradient, link_with_sd};
 use crate::noise_metric::{InNoise, NoiseMetric, NoiseUnits};
 use crate::null_vector::sigma_of;
 use crate::parameters::LinkIntervals;
@@ -26,10 +26,6 @@ use std::collections::BTreeMap;
 /// Cosine from which on a change counts as parallel to the values themselves: their ratios stay
 /// within some five percent while they change by a third.
 const PARALLEL: f64 = 0.99;
-
-/// Number of times that the linear map of the prior is taken at the links found: a rigid body whose
-/// size only the table gives changes by less than 1 % of its interval from the second to the third.
-const ROUNDS: usize = 2;
 
 /// Options of an identification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -183,31 +179,25 @@ pub fn identify_with_errors(
     }
     let clusters = merge_groups(factors, &groups)?;
     let mut noise_units = None;
+    let mut moment_errors = None;
     // rows that the estimate and the links use: all of them, or those corrected for their noise
     let mut used = merged.clone();
     let fit = match options.estimator {
         Estimator::NoiseMetric => {
             let metric = NoiseMetric::of(&merged)?;
-            let estimate = |of: Option<&Prior>| {
-                metric.estimate(mass_kg, of.map(|p| p.prepared(mass_kg)).transpose()?.as_ref(), 1.0)
-            };
-            let mut found = estimate(base_prior.as_ref())?;
-            // where the prior decides, its map is taken at the links found, in whose shape the size
-            // is the table's. Where the motion decides, its own: of a model that lacks a large
-            // force the links found are no place for a map (a quadruped that carries an unknown
-            // load then leaves three times the error)
-            let mut held = base_prior.clone();
-            let rounds = if found.units.undetermined > 0 { ROUNDS } else { 0 };
-            for prior in std::iter::repeat_n(prior, rounds).flatten() {
-                let weights = link_options(found.row_variance, 1.0, options);
+            let prepared = base_prior.as_ref().map(|p| p.prepared(mass_kg)).transpose()?;
+            let mut found = metric.estimate(mass_kg, prepared.as_ref(), 1.0)?;
+            moment_errors = metric.moment_errors(&found.solution.x, base);
+            // what the motion does not determine is that of the links, for which the prior is stated
+            // (without such directions nothing would move)
+            if let (Some(prior), 1..) = (prior, found.units.undetermined) {
+                let weights = link_options(found.row_variance, 1.0, moment_errors.clone(), options);
                 let links = consistent_links(&found.rows, base, mass_kg, prior, &weights)?;
-                let at = Prior::of_links(base, &links.prior_mean, &links.prior_covariance);
-                found = estimate(Some(&at))?;
-                held = Some(at);
+                metric.move_to(&mut found, &links.base(base));
             }
             used = found.rows.clone();
             noise_units = Some(found.units.clone());
-            Fit::in_noise_metric(&clusters, found, mass_kg, held.as_ref(), options)?
+            Fit::in_noise_metric(&clusters, found, mass_kg, base_prior.as_ref(), options)?
         }
         Estimator::NullVector(scaling) => Fit::null_vector(factors, &groups, &merged, mass_kg, scaling)?,
         Estimator::MassConstrained => {
@@ -236,7 +226,7 @@ pub fn identify_with_errors(
         fit.name_undetermined(units, &base_estimates, prior, &unseen);
     }
     let links = match prior {
-        Some(prior) => fit.links(model, base, &used, mass_kg, prior, &unseen, options)?,
+        Some(prior) => fit.links(model, base, &used, mass_kg, prior, &unseen, moment_errors, options)?,
         None => Vec::new(),
     };
     let named: Vec<(String, Determination)> =
@@ -517,18 +507,18 @@ impl Fit {
         self.freedom.get(i).copied().unwrap_or(f64::NAN)
     }
 
-    /// Names the parameters that the prior holds along undetermined directions.
+    /// Names the parameters that are the prior's because of undetermined directions.
     fn name_undetermined(&self, units: &mut NoiseUnits, base: &[BaseEstimate], prior: &Prior, unseen: &DMatrix<f64>) {
+        let sd = |i: usize| prior.covariance[(i, i)].max(f64::MIN_POSITIVE).sqrt();
         let held: Vec<usize> = (1..base.len())
-            .filter(|&i| base[i].determination == Determination::Hardly && unseen.row(i).norm() > 0.0)
+            .filter(|&i| base[i].determination == Determination::Hardly && unseen.row(i).norm() >= WELL * sd(i))
             .collect();
         units.of_table = held.iter().map(|&i| base[i].name.clone()).collect();
         if unseen.ncols() != 1 || held.len() < 2 {
             return;
         }
         // in proportion: the change is parallel to the values themselves
-        let in_sd = |value: f64, i: usize| value / prior.covariance[(i, i)].max(f64::MIN_POSITIVE).sqrt();
-        let of = |f: &dyn Fn(usize) -> f64| DVector::from_iterator(held.len(), held.iter().map(|&i| in_sd(f(i), i)));
+        let of = |f: &dyn Fn(usize) -> f64| DVector::from_iterator(held.len(), held.iter().map(|&i| f(i) / sd(i)));
         let (change, value) = (of(&|i| unseen[(i, 0)]), of(&|i| self.x[i]));
         units.ratios = change.dot(&value).abs() >= PARALLEL * change.norm() * value.norm();
     }
@@ -637,11 +627,12 @@ impl Fit {
         mass_kg: f64,
         prior: &LinkPrior,
         unseen: &DMatrix<f64>,
+        moment_errors: Option<DMatrix<f64>>,
         options: &IdentifyOptions,
     ) -> Result<Vec<LinkEstimate>, IdentifyError> {
         let row_variance = (self.row_sd * self.row_sd).max(f64::MIN_POSITIVE);
         let prior_weight = if self.prior_weight > 0.0 { self.prior_weight } else { 1.0 };
-        let weights = link_options(row_variance, prior_weight, options);
+        let weights = link_options(row_variance, prior_weight, moment_errors, options);
         let consistent = consistent_links(merged, base, mass_kg, prior, &weights)?;
         let variances: Vec<[Variance; 10]> = match &self.uncertainty {
             Some(uncertainty) => uncertainty.links(&consistent, merged, base, row_variance),
@@ -655,7 +646,7 @@ impl Fit {
                 consistent.phi.iter().enumerate().map(of).collect()
             }
         };
-        let along = unseen_of_links(&consistent, base, unseen)?;
+        let along = unseen_of_links(prior, base, unseen)?;
         Ok(consistent
             .phi
             .iter()
@@ -672,25 +663,28 @@ impl Fit {
 }
 
 /// Weights of the links' problem beside those of the estimate.
-fn link_options(row_variance: f64, prior_weight: f64, options: &IdentifyOptions) -> LinkOptions {
-    LinkOptions { row_variance, prior_weight, box_weight: options.box_weight }
+fn link_options(
+    row_variance: f64,
+    prior_weight: f64,
+    moment_errors: Option<DMatrix<f64>>,
+    options: &IdentifyOptions,
+) -> LinkOptions {
+    LinkOptions { row_variance, prior_weight, box_weight: options.box_weight, moment_errors }
 }
 
 /// Changes of the stacked φ that the prior expects with changes of the base parameters, 10 n × d:
 /// `P Bᵀ (B P Bᵀ)⁻¹ W`.
 fn unseen_of_links(
-    links: &ConsistentLinks,
+    prior: &LinkPrior,
     base: &BaseParameters,
     changes: &DMatrix<f64>,
 ) -> Result<DMatrix<f64>, IdentifyError> {
-    let n = links.prior_mean.len();
     if changes.ncols() == 0 {
-        return Ok(DMatrix::zeros(n, 0));
+        return Ok(DMatrix::zeros(prior.mean.len(), 0));
     }
-    let prior = Prior::of_links(base, &links.prior_mean, &links.prior_covariance);
     let singular = || IdentifyError::Numeric("the prior covariance is singular".to_owned());
-    let inverse = covariance_root(&prior.covariance)?.try_inverse().ok_or_else(singular)?;
-    Ok(&links.prior_covariance * base.from_full.tr_mul(&inverse.tr_mul(&(&inverse * changes))))
+    let inverse = covariance_root(&prior.base(base)?.covariance)?.try_inverse().ok_or_else(singular)?;
+    Ok(&prior.covariance * base.from_full.tr_mul(&inverse.tr_mul(&(&inverse * changes))))
 }
 
 fn pad(x: &DVector<f64>, zeros: usize) -> DVector<f64> {

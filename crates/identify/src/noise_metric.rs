@@ -20,8 +20,8 @@
 //! the rank falls by exactly one. In these units that can be seen: each direction with σ_k at the
 //! level of the noise is one that the motion does not determine. It is taken out of the rows, so
 //! that the prior alone holds it, with the prior's width. The prior states relative deviations of
-//! links, and its linear map is taken at the links found ([`crate::prior`]): where the motion
-//! gives ratios, the size is the one with which the table agrees best.
+//! links, so the value along such a direction is that of the consistent links ([`crate::links`]):
+//! where the motion gives ratios, the size is the one with which the table agrees best.
 //!
 //! **Solution.** At the minimum the gradient is that of `ψᵀ(G − q S)ψ / s` with
 //! `q = ψᵀGψ / ψᵀSψ` and `s = ψᵀSψ / n`. So the estimate is least squares with rows whose Gram is
@@ -32,6 +32,7 @@
 use crate::gate::WELL;
 use crate::system::{Solution, System};
 use crate::{IdentifyError, PreparedPrior};
+use aloft_body::BaseParameters;
 use aloft_regressor::Factor;
 use faer::Mat;
 use nalgebra::{DMatrix, DVector};
@@ -120,6 +121,8 @@ pub(crate) struct InNoise {
     /// What of the unknowns (parameters without the mass, effects) the motion does not determine:
     /// the rows that were taken out, d × m.
     pub undetermined: DMatrix<f64>,
+    /// The changes W of these unknowns with `undetermined · W = 1`, m × d.
+    changes: DMatrix<f64>,
     /// Projection of columns that takes these changes out, n × n.
     pub determined: DMatrix<f64>,
     /// Variance of a row.
@@ -289,6 +292,7 @@ impl NoiseMetric {
                 let (changes, rows_of) = self.undetermined(q);
                 let determined = self.without(&changes)?;
                 let undetermined = rows_of.columns_range(1..rows_of.ncols() - 1).into_owned();
+                let changes = changes.rows_range(1..changes.nrows() - 1).into_owned();
                 let units = NoiseUnits {
                     sigma,
                     residual: next.sqrt(),
@@ -300,6 +304,7 @@ impl NoiseMetric {
                     rows,
                     excess: q,
                     undetermined,
+                    changes,
                     determined,
                     row_variance,
                     system,
@@ -310,6 +315,32 @@ impl NoiseMetric {
             q = next;
         }
         Err(IdentifyError::Numeric("the estimate in the metric of the noise did not settle".to_owned()))
+    }
+
+    /// Moves an estimate along what the motion does not determine to where `x` is (parameters with
+    /// the mass first, effects).
+    pub fn move_to(&self, found: &mut InNoise, x: &DVector<f64>) {
+        let m = found.undetermined.ncols();
+        let to_go = &found.undetermined * (x.rows(1, m) - found.solution.x.rows(1, m));
+        let mut moved = found.solution.x.rows_mut(1, m);
+        moved += &found.changes * to_go;
+        let (of_rows, of_noise) = self.lengths(&found.solution.x);
+        if of_noise > 0.0 {
+            found.units.residual = (of_rows / of_noise).sqrt();
+        }
+    }
+
+    /// Rows M over the base parameters with `‖M φ_B‖²` the part of `ψᵀSψ` that inertias bring in, 1
+    /// at an estimate; none if there is no such part.
+    pub fn moment_errors(&self, x: &DVector<f64>, base: &BaseParameters) -> Option<DMatrix<f64>> {
+        let mut errors = self.merged.noise()?.dense().columns(0, base.len()).into_owned();
+        for (j, mut column) in errors.column_iter_mut().enumerate() {
+            if base.parameters[j].unit != "kg·m²" {
+                column.fill(0.0);
+            }
+        }
+        let at_estimate = (&errors * x.rows(0, base.len())).norm();
+        (at_estimate > 0.0).then(|| errors / at_estimate)
     }
 
     /// Variance of a row, from what the estimate leaves.

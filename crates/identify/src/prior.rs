@@ -10,7 +10,6 @@
 //! causes a false lateral shift of the whole body.
 
 use crate::IdentifyError;
-use crate::links::scaled_to_mass;
 use aloft_body::subject::PriorSd;
 use aloft_body::{BaseParameters, LinkBox, LinkInertia, Model, Phi, Subject};
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
@@ -63,15 +62,6 @@ pub struct LinkPrior {
     pub numbers: DMatrix<f64>,
     /// For each link the box that holds its mass, if one is known; empty if none is.
     pub boxes: Vec<Option<LinkBox>>,
-}
-
-/// A prior whose linear map is taken at other links than its own.
-#[derive(Debug, Clone)]
-pub(crate) struct PriorAt {
-    /// Mean of the linear map, 10 n.
-    pub mean: DVector<f64>,
-    /// Covariance of the stacked φ, (10 n)².
-    pub covariance: DMatrix<f64>,
 }
 
 /// Standard deviation of the shears as a share of that of the radii.
@@ -177,36 +167,6 @@ impl LinkPrior {
         Ok(Prior::of_links(base, &self.mean, &self.covariance))
     }
 
-    /// The prior in base parameters with its linear map taken at given links, as the estimate in
-    /// the metric of the noise takes it at those that it finds. Links that differ too much from the
-    /// prior's, or too thin ones, have the map of the prior's own links.
-    ///
-    /// # Errors
-    /// As [`LinkPrior::base`].
-    pub fn base_at(&self, base: &BaseParameters, mass_kg: f64, links: &[LinkInertia]) -> Result<Prior, IdentifyError> {
-        let n = self.links.len();
-        let (mut phi, mut numbers) = (DVector::zeros(10 * n), DVector::zeros(10 * n));
-        let mut map = DMatrix::zeros(10 * n, 10 * n);
-        let own = scaled_to_mass(self, mass_kg);
-        for (i, (own, link)) in own.iter().zip(links).enumerate() {
-            let Some((x, f)) = deformation(own, &link.to_phi()) else { return self.base(base) };
-            phi.fixed_rows_mut::<10>(10 * i).copy_from(&link.to_phi());
-            numbers.fixed_rows_mut::<10>(10 * i).copy_from(&x);
-            map.fixed_view_mut::<10, 10>(10 * i, 10 * i).copy_from(&f);
-        }
-        if links.len() != n || base.from_full.ncols() != 10 * n {
-            return self.base(base);
-        }
-        let at = self.mapped(&phi, &map, &numbers);
-        Ok(Prior::of_links(base, &at.mean, &at.covariance))
-    }
-
-    /// The prior with its linear map F = ∂φ/∂x taken at links φ̂, whose ten numbers relative to the
-    /// prior's links are x̂: the mean is `φ̂ − F x̂`.
-    pub(crate) fn mapped(&self, phi: &DVector<f64>, map: &DMatrix<f64>, numbers: &DVector<f64>) -> PriorAt {
-        PriorAt { mean: phi - map * numbers, covariance: map * &self.numbers * map.transpose() }
-    }
-
     /// The parameters of each link.
     pub fn phi(&self) -> Vec<Phi> {
         self.links.iter().map(LinkInertia::to_phi).collect()
@@ -275,40 +235,12 @@ fn second_moment(link: &LinkInertia) -> Matrix3<f64> {
     Matrix3::identity() * (0.5 * i.trace()) - i
 }
 
-/// Root of a symmetric positive definite matrix and its inverse.
-fn roots(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Matrix3<f64>)> {
-    let eigen = m.symmetric_eigen();
-    if !eigen.eigenvalues.iter().all(|l| *l > 0.0 && l.is_finite()) {
-        return None;
-    }
-    let of =
-        |values: Vector3<f64>| eigen.eigenvectors * Matrix3::from_diagonal(&values) * eigen.eigenvectors.transpose();
-    Some((of(eigen.eigenvalues.map(f64::sqrt)), of(eigen.eigenvalues.map(|l| l.sqrt().recip()))))
-}
-
-/// The ten numbers by which a link differs from `own`, and ∂φ/∂(ten numbers) there: the logarithm
-/// of the ratio of masses, the shift of the centre of mass, and the strain E with which the second
-/// moments S per unit of mass about the centres of mass are `S = exp(E) S₀ exp(E)`, which has one
-/// solution with E symmetric (Hencky's strain). Its logarithm makes a size and its inverse equally
-/// likely and independent of the shape: with `1 + E` a link whose ratios differ from the table's is
-/// pulled to a smaller size.
-fn deformation(own: &Phi, phi: &Phi) -> Option<(SMatrix<f64, 10, 1>, SMatrix<f64, 10, 10>)> {
-    let (from, to) = (LinkInertia::from_phi(own), LinkInertia::from_phi(phi));
-    let before = second_moment(&from) / from.mass_kg;
-    let (root, inverse) = roots(&before)?;
-    let (middle, _) = roots(&(root * (second_moment(&to) / to.mass_kg) * root))?;
-    let (e, by_strain) = logarithm(&(inverse * middle * inverse))?;
-    let shift = to.com_m - from.com_m;
-    let mut x = SMatrix::<f64, 10, 1>::zeros();
-    x[0] = (to.mass_kg / from.mass_kg).ln();
-    x.fixed_rows_mut::<3>(1).copy_from(&shift);
-    STRAINS.iter().enumerate().for_each(|(k, &at)| x[4 + k] = e[at]);
-    let stretch = inverse * middle * inverse;
-    Some((x, variation(&to, &(before * stretch * to.mass_kg), &by_strain)))
-}
-
 /// The link that differs from `own` by ten numbers, and ∂φ/∂(ten numbers) there; `None` if they
-/// overflow. The inverse of [`deformation`].
+/// overflow. The numbers are the logarithm of the ratio of masses, the shift of the centre of mass,
+/// and the strain E (Hencky's) with which the second moments S per unit of mass about the centres
+/// of mass are `S = exp(E) S₀ exp(E)`. Its logarithm makes a size and its inverse equally likely
+/// and independent of the shape: with `1 + E` a link whose ratios differ from the table's is pulled
+/// to a smaller size.
 pub(crate) fn deformed(own: &Phi, x: &SMatrix<f64, 10, 1>) -> Option<(Phi, SMatrix<f64, 10, 10>)> {
     let from = LinkInertia::from_phi(own);
     let before = second_moment(&from) / from.mass_kg;

@@ -234,7 +234,8 @@ fn every_estimator_of_merged_rows_leaves_hidden_columns_out() {
         let weight = |f: &[Factor]| balanced(f, truth.mass(), None).unwrap().1.unwrap().contact_weight;
         assert!((weight(&reduced) - weight(&plain)).abs() < 1e-6 * weight(&plain), "{model:?}");
         // unreduced rows cause an error there, never a number
-        let links = aloft_identify::LinkOptions { row_variance: 1e-6, prior_weight: 1.0, box_weight: 0.3 };
+        let links =
+            aloft_identify::LinkOptions { row_variance: 1e-6, prior_weight: 1.0, box_weight: 0.3, moment_errors: None };
         let raw = consistent_links(&all, &truth.base, truth.mass(), &prior, &links);
         let through = consistent_links(&visible.reduce(&all).unwrap(), &truth.base, truth.mass(), &prior, &links);
         let expected = consistent_links(&merged, &truth.base, truth.mass(), &prior, &links).unwrap();

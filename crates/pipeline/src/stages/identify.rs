@@ -7,10 +7,10 @@ use crate::merge;
 use crate::results::parameters_file;
 use crate::stages::calibrate::contradicted;
 use crate::stages::stage_of;
-use aloft_body::{BaseParameters, LinkInertia, Subject};
+use aloft_body::{BaseParameters, Subject};
 use aloft_identify::{
-    ClusterBy, ColumnScaling, Estimator, IdentifyOptions, LinkEstimate, LinkPrior, Parameters, PreparedPrior,
-    RotatedRows, Visible, balanced, identify_with_errors, point_estimate_prepared,
+    ClusterBy, ColumnScaling, Estimator, IdentifyOptions, LinkPrior, Parameters, PreparedPrior, RotatedRows, Visible,
+    balanced, identify_with_errors, point_estimate_prepared,
 };
 use aloft_regressor::{Factor, RepeatedErrors, RowKind, Stretch, StretchKind, leave_group_out};
 use aloft_study::config::{Estimator as ChosenEstimator, IdentifyConfig, Rows};
@@ -237,12 +237,7 @@ impl Predicting {
                 let base = BaseParameters::of(&subject.model);
                 let prior = LinkPrior::of_subject(subject).map_err(fail)?;
                 let mass_kg = subject.facts.mass_kg;
-                let links: Vec<LinkInertia> = parameters.links.iter().map(LinkEstimate::inertia).collect();
-                // held out, too, with the map at the links of all recordings where they have it
-                let prior = match &parameters.noise_units {
-                    Some(units) if units.undetermined > 0 => prior.base_at(&base, mass_kg, &links).map_err(fail)?,
-                    _ => prior.base(&base).map_err(fail)?,
-                };
+                let prior = prior.base(&base).map_err(fail)?;
                 Some(prior.prepared(mass_kg).map_err(fail)?)
             }
             _ => None,
