@@ -307,9 +307,7 @@ impl Problem {
         steps: usize,
     ) -> Result<ConsistentLinks, IdentifyError> {
         let links = self.links(y).ok_or_else(|| no_minimum(steps))?;
-        let inverse = hessian
-            .clone()
-            .cholesky()
+        let inverse = regular(hessian)
             .ok_or_else(|| IdentifyError::Numeric("the curvature of the link problem is singular".to_owned()))?
             .inverse();
         // noise of the rows, and the bias from the prior and the boxes: with their curvature λ +
@@ -450,10 +448,18 @@ fn with_bend(hessian: &DMatrix<f64>, mut bend: DMatrix<f64>) -> Option<Cholesky<
             return Some(found);
         }
         if !bend.amax().is_finite() || bend.amax() < f64::EPSILON * hessian.amax() {
-            return hessian.clone().cholesky();
+            return regular(hessian);
         }
         bend *= 0.5;
     }
+}
+
+/// Cholesky factor of a curvature with its rounding error added: rows without noise weigh so much
+/// that the prior's share is lost in it.
+fn regular(hessian: &DMatrix<f64>) -> Option<Cholesky<f64, Dyn>> {
+    let n = hessian.nrows();
+    let rounding = n as f64 * f64::EPSILON * hessian.diagonal().amax();
+    (hessian + DMatrix::identity(n, n) * rounding).cholesky()
 }
 
 fn no_minimum(steps: usize) -> IdentifyError {
