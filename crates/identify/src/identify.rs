@@ -188,8 +188,8 @@ pub fn identify_with_errors(
             let prepared = base_prior.as_ref().map(|p| p.prepared(mass_kg)).transpose()?;
             let mut found = metric.estimate(mass_kg, prepared.as_ref(), 1.0)?;
             moment_errors = metric.moment_errors(&found.solution.x, base);
-            // what the motion does not determine is that of the links, for which the prior is stated
-            // (without such directions nothing would move)
+            // what the motion does not determine is that of the links, for which the prior is
+            // stated (without such directions nothing would move)
             if let (Some(prior), 1..) = (prior, found.units.undetermined) {
                 let weights = link_options(found.row_variance, 1.0, moment_errors.clone(), options);
                 let links = consistent_links(&found.rows, base, mass_kg, prior, &weights)?;
