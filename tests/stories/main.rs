@@ -11,6 +11,7 @@ mod corrections;
 mod corrections_each;
 mod demo;
 mod estimators;
+mod evidence;
 mod export;
 mod faults;
 mod few_flights;

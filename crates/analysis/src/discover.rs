@@ -14,7 +14,7 @@ use crate::results::with_results;
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
 use aloft_discover::{
-    Body, ContactRows, DiscoverOptions, Discovery, Found, FoundLaw, HeldOutResult, SelfTest, SelfTestOptions,
+    Body, ContactRows, DiscoverOptions, Discovery, Found, FoundLaw, HeldOutResult, Method, SelfTest, SelfTestOptions,
     SelfTestProgress, Session, Staged, StagedCoefficient, Told, TrialDraws, TrialInput, Verdict, discover as rank,
     scene_of,
 };
@@ -23,7 +23,7 @@ use aloft_flight::{FlightReport, PlateTare, TareSource};
 use aloft_identify::{EffectEstimate, LinkPrior, Prior};
 use aloft_pipeline::stages::compare::floor_spread;
 use aloft_pipeline::trial_rows::TrialRows;
-use aloft_regressor::WeakOptions;
+use aloft_regressor::{MatrixNoise, WeakOptions};
 use aloft_study::calendar::Calendar;
 use aloft_study::effects::KnownEffects;
 use aloft_study::effects::asks_session_time;
@@ -142,13 +142,14 @@ impl Evidence {
         session: &SubjectSession,
         with: impl FnOnce(&RankingInputs<'_>) -> Result<T, PipelineError>,
     ) -> Result<T, PipelineError> {
-        self.with_progress(session, &|_| {}, with)
+        self.with_progress(session, Method::default(), &|_| {}, with)
     }
 
     /// The same; `tell` receives how far a discovery is, and what it knows already.
     fn with_progress<T>(
         &self,
         session: &SubjectSession,
+        method: Method,
         tell: &(dyn Fn(Told<'_>) + Sync),
         with: impl FnOnce(&RankingInputs<'_>) -> Result<T, PipelineError>,
     ) -> Result<T, PipelineError> {
@@ -171,6 +172,13 @@ impl Evidence {
             Session::new(&body, &scene, &trials, &self.weak).map_err(|e| PipelineError::request(e.to_string()))?;
         let comparison = compared(session)?;
         let standing = |place: &str| comparison.as_ref().and_then(|c| standing(c, place));
+        let wrong = |e: &dyn std::fmt::Display| PipelineError::request(e.to_string());
+        let draws_of_motion = if method == Method::Evidence { MatrixNoise::DRAWS } else { 0 };
+        let disturbed = self
+            .rows
+            .par_iter()
+            .map(|r| r.disturbed(draws_of_motion).map_err(|e| wrong(&e.problem)))
+            .collect::<Result<Vec<_>, _>>()?;
         let zeros = comparison.as_ref().map(unknown_zeros).unwrap_or_default();
         let prepared = prepared.with_unknown_zeros(&zeros.iter().map(String::as_str).collect::<Vec<_>>());
         let known = KnownEffects::of(&session.own_effects, &scene)?;
@@ -194,6 +202,15 @@ impl Evidence {
             })
             .collect();
         let rows: Vec<ContactRows<'_>> = contact.iter().map(|(trial, rows)| ContactRows { trial, rows }).collect();
+        // rows along the disturbed motions, a pair for each draw; none if a recording has none
+        let n = disturbed.iter().map(Vec::len).min().unwrap_or(0);
+        let along = |draw: usize, side: usize| {
+            let moved: Vec<TrialInput<'_>> =
+                trials.iter().zip(&disturbed).map(|(t, of)| TrialInput { motion: &of[draw][side], ..*t }).collect();
+            Session::new(&body, &scene, &moved, &self.weak).map_err(|e| wrong(&e))
+        };
+        let pairs = (0..n).map(|d| Ok([along(d, 0)?, along(d, 1)?])).collect::<Result<Vec<_>, PipelineError>>()?;
+        let prepared = prepared.with_disturbed(pairs);
         let spread = floor_spread(session.is_rigid());
         let prepared = prepared.with_draws(&borrowed, &rows, spread);
         with(&RankingInputs { session: prepared, effects: known.all(), accepted })
@@ -339,7 +356,8 @@ pub fn discover(
 ) -> Result<DiscoveryView, PipelineError> {
     refuse_repeated(session)?;
     let (made_from, asked) = (looked_at(session)?, question(session, options)?);
-    Evidence::load(session)?.with_progress(session, tell, |bench| found(session, bench, options, made_from, asked))
+    Evidence::load(session)?
+        .with_progress(session, options.method, tell, |bench| found(session, bench, options, made_from, asked))
 }
 
 /// The stored answer for the present model, if it was computed from the present results.

@@ -2,7 +2,7 @@
 
 use crate::wording::unit;
 use aloft_compare::significant;
-use aloft_discover::{AgainstLaw, Candidate, Discovery, Estimate, Group, Round, TOO_FEW, Verdict};
+use aloft_discover::{AgainstLaw, Candidate, Discovery, Estimate, Group, Round, TOO_FEW, Verdict, odds};
 use aloft_effects::EffectKind;
 
 fn group(g: &Group) -> String {
@@ -76,17 +76,24 @@ pub fn chance_of(round: &Round) -> String {
 
 /// How often chance alone lets the best of all candidates do as well as this one.
 fn chance_in_words(round: &Round, best: &Candidate) -> String {
+    if let Some(e) = &best.evidence {
+        return format!("its odds against nothing missing are {}", odds(e.ln_odds));
+    }
     if round.clusters <= FEW_PATTERNS {
         let patterns = 1_usize << round.clusters.saturating_sub(1);
         return format!(
-            "does as well with a probability of about {} (places and groups of trials are not sought anew for it; {} flights or trials cannot show less than 1 in \
+            "by chance the best of all candidates does as well with a probability of about {} (places and groups of trials are not sought anew for it; {} flights or trials cannot show less than 1 in \
              {patterns})",
             at_most(best.family_wise_p),
             round.clusters
         );
     }
     let (share, chance) = round.by_chance();
-    format!("leaves less than {:.0} % in {:.0} of 100 cases", 100.0 * chance, 100.0 * share)
+    format!(
+        "by chance the best of all candidates leaves less than {:.0} % in {:.0} of 100 cases",
+        100.0 * chance,
+        100.0 * share
+    )
 }
 
 /// How a candidate was decided: `named`, or why it is not.
@@ -140,7 +147,7 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
         )
     });
     Some(format!(
-        "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{then}; by chance the best of all candidates {by_chance}{law}",
+        "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{then}; {by_chance}{law}",
         percent(best.held_out_ratio),
         percent(best.ci95[0]),
         percent(best.ci95[1]),

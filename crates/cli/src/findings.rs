@@ -395,6 +395,11 @@ fn rounds(d: &Discovery) -> Result<(), Stop> {
     out("")?;
     for (i, r) in d.rounds.iter().enumerate() {
         let model = if r.model.is_empty() { "without effects".to_owned() } else { format!("with {}", names(&r.model)) };
+        if d.evidence.is_some() {
+            let told = format!("{} flights or trials, model {model}: {}", r.clusters, r.words);
+            out(labelled(&format!("question {}: ", i + 1), &told))?;
+            continue;
+        }
         out(labelled(
             &format!("round {}: ", i + 1),
             &format!(

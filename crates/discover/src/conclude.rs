@@ -352,6 +352,7 @@ pub(crate) fn conclude(
         open: None,
         to_correct: None,
         joints: None,
+        evidence: None,
     };
     let nothing = kept.is_empty() && verdict == Verdict::NothingMissing;
     let rigid = session.prior.is_none() && has_flights && kept.iter().any(|v| v.effect.acts().in_flight());

@@ -3,11 +3,12 @@
 use crate::DiscoverError;
 use crate::beside::{Several, judge_each_beside_the_others};
 use crate::conclude::{RoundResults, conclude, widen_found, widen_named};
+use crate::evidence::by_evidence;
 use crate::judge::AtFloor;
 use crate::ladder::{extra_columns, prune, refit_found};
 use crate::on_which_link::name_other_links;
 use crate::one_is_enough::one_is_enough;
-use crate::options::DiscoverOptions;
+use crate::options::{DiscoverOptions, Method};
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
 use crate::rank::judged_in;
@@ -36,6 +37,9 @@ pub fn discover(
     accepted: &[EffectInstance<'_>],
     options: &DiscoverOptions,
 ) -> Result<Discovery, DiscoverError> {
+    if options.method == Method::Evidence {
+        return by_evidence(session, effects, accepted, options);
+    }
     let until = Until::of(options.budget_s);
     let mut options = options.clone();
     let mut refused = Vec::new();

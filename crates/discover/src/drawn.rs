@@ -174,7 +174,7 @@ impl Refits {
 
 impl Problem {
     /// Rows given by block, by cluster; blocks that have no rows here are left out.
-    fn by_cluster(&self, rows: &[DVector<f64>]) -> Vec<DVector<f64>> {
+    pub(crate) fn by_cluster(&self, rows: &[DVector<f64>]) -> Vec<DVector<f64>> {
         let gathered = |c: &Cluster| {
             let all: Vec<f64> = c.blocks.iter().flat_map(|&i| rows[i].iter().copied()).collect();
             DVector::from_vec(all)

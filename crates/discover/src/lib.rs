@@ -28,6 +28,7 @@
 //! | intervals | `repeating` | wider intervals for errors that repeat from trial to trial |
 //! | ladder | `addition` | held-out error before and after one more effect |
 //! | self-test | `self_test` | inject and recover on the user's own recordings |
+//! | one likelihood | `evidence` | the same question by one marginal likelihood ([`Method::Evidence`]) |
 //!
 //! Nothing is weighted by residuals: whitening with them would remove part of the effect being
 //! sought.
@@ -71,6 +72,7 @@ mod discover;
 mod drawn;
 mod draws;
 mod error;
+mod evidence;
 mod exchange;
 mod floor;
 mod groups;
@@ -116,12 +118,12 @@ pub use joints::{JointCandidate, JointDiscovery, JointFinding, JointInput, Joint
 pub use laws::{
     Action, Carrier, Diagnosis, Direction, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Variable, Work,
 };
-pub use options::DiscoverOptions;
+pub use options::{DiscoverOptions, Method};
 pub use progress::{Part, Told};
 pub use result::{
-    Addition, AgainstLaw, Alternative, Candidate, Confusion, Discovery, Estimate, Found, Group, Misfit, NotTried,
-    RivalTest, Round, Verdict,
+    Addition, AgainstLaw, Alternative, Candidate, CandidateEvidence, Confusion, Discovery, Estimate, Found, Group,
+    Misfit, NotTried, RivalTest, Round, SessionEvidence, Verdict,
 };
 pub use self_test::{Injection, SelfTest, SelfTestOptions, SelfTestProgress, SelfTestRow, self_test};
 pub use session::{Body, Session, TrialInput, scene_of};
-pub use wording::TOO_FEW;
+pub use wording::{TOO_FEW, odds};

@@ -2,10 +2,24 @@
 
 use serde::{Deserialize, Serialize};
 
+/// How effects are judged.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Held-out errors in rounds, in flight and in contact apart, each with its limits.
+    #[default]
+    Rounds,
+    /// One marginal likelihood over flights and contact together.
+    Evidence,
+}
+
 /// Options of a discovery.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DiscoverOptions {
+    /// How effects are judged.
+    #[serde(skip_serializing_if = "Method::is_default")]
+    pub method: Method,
     /// Largest held-out ratio at which an effect can be accepted.
     pub belief: f64,
     /// The same limit for kinematic errors (soft tissue, joint centres, filters, camera volume,
@@ -40,9 +54,16 @@ pub struct DiscoverOptions {
     pub seed: u64,
 }
 
+impl Method {
+    fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
 impl Default for DiscoverOptions {
     fn default() -> Self {
         Self {
+            method: Method::default(),
             belief: 0.90,
             belief_kinematics: 0.75,
             belief_plates: 0.80,

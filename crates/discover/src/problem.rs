@@ -50,6 +50,16 @@ pub(crate) struct Fold {
     pub train: f64,
 }
 
+/// What errors of the motion change in the rows of a cluster.
+pub(crate) struct RowErrors {
+    /// Rows of the scaled parameters.
+    pub rows: DMatrix<f64>,
+    /// Measured side, less what the mass and the prior's mean account for.
+    pub measured: DVector<f64>,
+    /// Columns of a candidate.
+    pub columns: DMatrix<f64>,
+}
+
 /// Rows of a domain with the base model, prepared for candidates.
 pub(crate) struct Problem {
     pub domain: Domain,
@@ -68,6 +78,8 @@ pub(crate) struct Problem {
     pub parameters: DVector<f64>,
     /// Variance of a row, which sets the weight of the prior.
     pub variance: f64,
+    /// Factors of the columns that joined the model, which give them unit length.
+    pub norms: Vec<f64>,
 }
 
 /// Columns of a candidate with the parameters projected out.
@@ -224,31 +236,53 @@ impl Problem {
         let squares: f64 = clusters.iter().map(|c| c.b.norm_squared()).sum();
         let rss = squares - right.dot(&solution);
         let folds = folds_of(&clusters, &gram, &right, &ridge)?;
-        Ok(Self { domain, clusters, cholesky, ridge, solution, right, folds, rss, n_judged, parameters, variance })
+        Ok(Self {
+            domain,
+            clusters,
+            cholesky,
+            ridge,
+            solution,
+            right,
+            folds,
+            rss,
+            n_judged,
+            parameters,
+            variance,
+            norms,
+        })
     }
 
     /// The rows of some clusters only, with the same prior. The parameters stay those of all rows.
     pub fn with_clusters(&self, kept: &[usize]) -> Result<Self, DiscoverError> {
-        let clusters: Vec<Cluster> = kept.iter().map(|&g| self.clusters[g].clone()).collect();
+        self.of(kept.iter().map(|&g| self.clusters[g].clone()).collect(), self.ridge.clone())
+    }
+
+    /// The same rows with other squares on the diagonal of the Gram matrix.
+    pub fn with_ridge(&self, ridge: DVector<f64>) -> Result<Self, DiscoverError> {
+        self.of(self.clusters.clone(), ridge)
+    }
+
+    fn of(&self, clusters: Vec<Cluster>, ridge: DVector<f64>) -> Result<Self, DiscoverError> {
         let m = self.right.len();
         let gram = clusters.iter().fold(DMatrix::zeros(m, m), |s, c| s + &c.gram);
         let right = clusters.iter().fold(DVector::zeros(m), |s, c| s + &c.right);
-        let cholesky = factor(&gram, &self.ridge)?;
+        let cholesky = factor(&gram, &ridge)?;
         let solution = cholesky.solve(&right);
         let squares: f64 = clusters.iter().map(|c| c.b.norm_squared()).sum();
-        let folds = folds_of(&clusters, &gram, &right, &self.ridge)?;
+        let folds = folds_of(&clusters, &gram, &right, &ridge)?;
         Ok(Self {
             domain: self.domain,
             n_judged: clusters.iter().map(|c| c.judged.len()).sum(),
             rss: squares - right.dot(&solution),
             cholesky,
-            ridge: self.ridge.clone(),
+            ridge,
             solution,
             right,
             folds,
             clusters,
             parameters: self.parameters.clone(),
             variance: self.variance,
+            norms: self.norms.clone(),
         })
     }
 
@@ -292,6 +326,7 @@ impl Problem {
             n_judged: self.n_judged,
             parameters: self.parameters.clone(),
             variance: self.variance,
+            norms: self.norms.clone(),
         }
     }
 
@@ -323,6 +358,28 @@ impl Problem {
                 out
             })
             .collect()
+    }
+
+    /// What errors of the motion put into [`reduce_all`](Self::reduce_all): by draw and cluster
+    /// `errors` holds what they change in the rows of the scaled parameters, in the measured side
+    /// and in the columns. With the parameters projected out, errors of a column and of what is
+    /// left of the measured side are linked, and their products do not average out. Gram matrix,
+    /// right-hand side, and the square of what is left.
+    pub fn of_errors(&self, columns: &[DMatrix<f64>], errors: &[Vec<RowErrors>]) -> (DMatrix<f64>, DVector<f64>, f64) {
+        let (ac, cc, cb) = self.products(columns, None);
+        let x = self.cholesky.solve(&ac);
+        let (mut s, mut c) = (DMatrix::zeros(cc.nrows(), cc.ncols()), DVector::zeros(cb.len()));
+        let n = errors.len().max(1) as f64;
+        let mut square = 0.0;
+        for of in errors.iter().flatten() {
+            let p = of.rows.ncols();
+            let left = &of.measured - &of.rows * self.solution.rows(0, p);
+            let column = &of.columns - &of.rows * x.rows(0, p);
+            s.gemm_tr(n.recip(), &column, &column, 1.0);
+            c.gemv_tr(n.recip(), &column, &left, 1.0);
+            square += left.norm_squared() / n;
+        }
+        (s, c, square)
     }
 
     /// Gram matrix and right-hand side of columns over all rows, with the parameters projected out.

@@ -301,11 +301,11 @@ fn promising<'a>(session: &Session<'_>, scored: &[Scored<'a>]) -> Vec<Variant<'a
     out
 }
 
-type Screened<'a> = Vec<(Variant<'a>, Vec<DMatrix<f64>>)>;
+pub(crate) type Screened<'a> = Vec<(Variant<'a>, Vec<DMatrix<f64>>)>;
 
 /// Variants at given values with their columns: all targets at the starts that gave the largest
 /// gain on the first target.
-fn screen<'a>(
+pub(crate) fn screen<'a>(
     session: &Session<'_>,
     problem: &Problem,
     effect: &'a dyn Effect,

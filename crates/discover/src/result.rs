@@ -154,6 +154,42 @@ pub struct Candidate {
     pub placebo: bool,
     /// The same effect on other targets, best first (this one included).
     pub alternatives: Vec<Alternative>,
+    /// Its marginal likelihood; only with `--method evidence`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub evidence: Option<CandidateEvidence>,
+}
+
+/// What one marginal likelihood over flights and contact says of an effect.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CandidateEvidence {
+    /// Natural logarithm of its odds against "nothing missing", over all targets, places and sets
+    /// of recordings, those before the recordings included.
+    #[serde(deserialize_with = "nullable")]
+    pub ln_odds: f64,
+    /// The same with recordings as the units, left out one by one; null for effects that are not
+    /// the first, and where it gains nothing.
+    #[serde(default)]
+    pub ln_odds_by_recording: Option<f64>,
+    /// Probability that it is the one that is missing.
+    #[serde(deserialize_with = "nullable")]
+    pub probability: f64,
+    /// Root mean square of the rows that it leaves, in units of their noise.
+    #[serde(deserialize_with = "nullable")]
+    pub residual: f64,
+}
+
+/// What one marginal likelihood says of the recordings as a whole.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SessionEvidence {
+    /// Root mean square of the rows that the present model leaves, in units of their noise.
+    #[serde(deserialize_with = "nullable")]
+    pub residual_before: f64,
+    /// The same with the effects found.
+    #[serde(deserialize_with = "nullable")]
+    pub residual_after: f64,
+    /// Probability that nothing is missing from the present model.
+    #[serde(deserialize_with = "nullable")]
+    pub nothing: f64,
 }
 
 /// An effect on one target.
@@ -356,6 +392,9 @@ pub struct Discovery {
     /// possible.
     #[serde(default)]
     pub not_tried: Vec<NotTried>,
+    /// Evidence of the recordings as a whole; only with `--method evidence`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub evidence: Option<SessionEvidence>,
 }
 
 /// The effects that are named beside the best law beyond the catalogue, each fitted to the same

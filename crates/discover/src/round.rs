@@ -327,6 +327,7 @@ impl<'a> Ask<'_, 'a> {
                 believed,
                 placebo: score.placebo,
                 alternatives: alternatives(session, problem, score),
+                evidence: None,
             }
         };
         scores.par_iter().zip(&shares).map(candidate).collect()

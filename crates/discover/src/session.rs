@@ -73,6 +73,38 @@ pub(crate) struct Block {
     /// Orthonormal columns of a constant wrench of the plates whose zero is not known; it is taken
     /// out of all rows.
     pub zero: Option<DMatrix<f64>>,
+    /// Inverse root of the covariance of the rows' errors, if `y` and `w` are in its units
+    /// ([`Session::in_noise_units`]).
+    pub white: Option<Arc<White>>,
+}
+
+/// Inverse root of the covariance of a block's rows.
+#[derive(Debug)]
+pub(crate) enum White {
+    /// Axes have errors of their own: a triangle over the windows for each.
+    ByAxis([DMatrix<f64>; 6]),
+    /// All rows together.
+    Whole(DMatrix<f64>),
+}
+
+impl White {
+    /// Rows in units of their errors.
+    pub fn times(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
+        let axes = match self {
+            Self::Whole(all) => return all * rows,
+            Self::ByAxis(axes) => axes,
+        };
+        let mut out = DMatrix::zeros(rows.nrows(), rows.ncols());
+        for (axis, lower) in axes.iter().enumerate() {
+            for (from, to) in rows.column_iter().zip(out.column_iter_mut()) {
+                let mut to = to;
+                for (w, row) in lower.row_iter().enumerate() {
+                    to[6 * w + axis] = (0..=w).map(|v| row[v] * from[6 * v + axis]).sum();
+                }
+            }
+        }
+        out
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -107,6 +139,8 @@ pub struct Session<'a> {
     pub(crate) model_error: [Option<HeldOutResult>; 2],
     /// Draws of the errors of the recordings; empty without draws.
     pub(crate) drawn: Arc<Drawn>,
+    /// The same rows along the motion with drawn errors added and subtracted, a pair for each draw.
+    pub(crate) disturbed: Arc<Vec<[Session<'a>; 2]>>,
     /// What the plates tell of loads in each trial, once it was asked for.
     pub(crate) on_plates: Arc<OnceLock<Option<Vec<Option<bool>>>>>,
     pub(crate) warnings: Vec<String>,
@@ -208,6 +242,7 @@ impl<'a> Session<'a> {
             drawn: Arc::default(),
             counter: Counter::default(),
             by_stages: ByStages::default(),
+            disturbed: Arc::default(),
             on_plates: Arc::default(),
             warnings,
             failed: Arc::default(),
@@ -303,6 +338,18 @@ impl<'a> Session<'a> {
         self
     }
 
+    /// Adds the rows along the motion with drawn errors added and subtracted, a pair for each draw:
+    /// what the errors of the motion do to columns ([`Method::Evidence`](crate::Method)).
+    #[must_use]
+    pub fn with_disturbed(mut self, pairs: Vec<[Session<'a>; 2]>) -> Self {
+        let alike = |s: &Session<'_>| {
+            s.blocks.len() == self.blocks.len()
+                && s.blocks.iter().zip(&self.blocks).all(|(a, b)| a.y.shape() == b.y.shape())
+        };
+        self.disturbed = Arc::new(pairs.into_iter().filter(|pair| pair.iter().all(alike)).collect());
+        self
+    }
+
     /// Computes the error with the effects found by `compute` (flight, contact) instead of
     /// estimating it from the rows, before the verdict is given. Failures from now on are those of
     /// this session alone, not of the one that it was cloned from.
@@ -360,14 +407,11 @@ impl<'a> Session<'a> {
                 }
             }
         }
-        if let Some(change) = &inertia {
-            for (block, rows) in self.blocks.iter().zip(&mut out) {
-                *rows += &block.y * change;
-            }
-        }
         for (block, rows) in self.blocks.iter().zip(&mut out) {
-            if let Some(zero) = block.zero.as_ref().filter(|z| z.nrows() == rows.nrows()) {
-                *rows -= zero * zero.tr_mul(rows);
+            block.as_measured(rows);
+            // the rows of the parameters are as measured already
+            if let Some(change) = &inertia {
+                *rows += &block.y * change;
             }
         }
         Some(out)
@@ -410,6 +454,7 @@ impl<'a> Session<'a> {
             from_full: self.from_full.clone(),
             prior: self.prior.clone(),
             drawn: Arc::new(Drawn { rows, zeros: self.drawn.zeros.clone() }),
+            disturbed: Arc::clone(&self.disturbed),
             on_plates: Arc::clone(&self.on_plates),
             warnings: Vec::new(),
             failed: Arc::clone(&self.failed),
@@ -475,13 +520,32 @@ impl Block {
                 moment_weight: force_weight / moment_length_m,
             },
             zero: None,
+            white: None,
         }
+    }
+
+    /// Takes from rows of wrenches what the block's own rows do not have: the plates' zero, and the
+    /// covariance of their errors.
+    fn as_measured(&self, rows: &mut DMatrix<f64>) {
+        if let Some(zero) = self.zero.as_ref().filter(|z| z.nrows() == rows.nrows()) {
+            *rows -= zero * zero.tr_mul(rows);
+        }
+        if let Some(white) = self.white.as_ref().filter(|_| rows.nrows() > 0) {
+            *rows = white.times(rows);
+        }
+    }
+
+    /// The same for rows of another session with the same windows; none for a block without rows.
+    pub(crate) fn as_measured_of(&self, rows: &DMatrix<f64>) -> DMatrix<f64> {
+        let mut out = rows.clone();
+        self.as_measured(&mut out);
+        out
     }
 
     fn without_rows(&self) -> Self {
         let windows = Windows { centres: Vec::new(), origin: Vec::new(), psi: Vec::new(), ..self.windows };
         let (y, w) = (DMatrix::zeros(0, self.y.ncols()), DVector::zeros(0));
-        Self { y, w, n_rows: 0, windows, zero: None, ..*self }
+        Self { y, w, n_rows: 0, windows, zero: None, white: None, ..*self }
     }
 
     /// True for force rows: weak rows come in sixes, force first.
@@ -541,9 +605,7 @@ impl Session<'_> {
                 }
             }
         }
-        if let Some(zero) = b.zero.as_ref().filter(|z| z.nrows() == rows.nrows()) {
-            rows -= zero * zero.tr_mul(&rows);
-        }
+        b.as_measured(&mut rows);
         rows
     }
 }
@@ -594,5 +656,31 @@ impl Word for StretchKind {
             Self::Contact => "contact",
             Self::Merged => "merged",
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::White;
+    use nalgebra::DMatrix;
+
+    #[test]
+    fn rows_in_units_of_their_errors_are_the_same_by_axis_and_together() {
+        let windows = 4;
+        let of = |axis: usize| {
+            DMatrix::from_fn(windows, windows, |a, b| if b <= a { 1.0 + (axis + 3 * a + b) as f64 } else { 0.0 })
+        };
+        let axes = std::array::from_fn(of);
+        let whole =
+            DMatrix::from_fn(
+                6 * windows,
+                6 * windows,
+                |i, j| {
+                    if i % 6 == j % 6 { of(i % 6)[(i / 6, j / 6)] } else { 0.0 }
+                },
+            );
+        let rows = DMatrix::from_fn(6 * windows, 3, |i, j| ((7 * i + 5 * j) % 11) as f64 - 4.0);
+        let apart = White::ByAxis(axes).times(&rows) - White::Whole(whole).times(&rows);
+        assert!(apart.amax() < 1e-12, "{apart}");
     }
 }

@@ -168,9 +168,73 @@ pub(crate) fn so_far(d: &Discovery, now: Option<HeldOutResult>, with: Option<Hel
     format!("{says}{left}. Now {begins} beyond the catalogue, which may change the answer")
 }
 
+/// A ratio of odds in words: `1.3e27 to 1`.
+pub fn odds(ln_odds: f64) -> String {
+    /// Natural-log units of a factor of ten thousand.
+    const MANY: f64 = 9.21;
+    let tens = ln_odds / std::f64::consts::LN_10;
+    if !ln_odds.is_finite() {
+        "no odds".to_owned()
+    } else if ln_odds < 0.0 {
+        format!("1 to {}", if -ln_odds < MANY { digits((-ln_odds).exp(), 2) } else { format!("10^{:.0}", -tens) })
+    } else {
+        format!("{} to 1", if ln_odds < MANY { digits(ln_odds.exp(), 2) } else { format!("10^{tens:.0}") })
+    }
+}
+
+/// The conclusion of one question by evidence, in words.
+pub(crate) fn by_evidence(verdict: Verdict, effects: &[String], candidates: &[Candidate], few: bool) -> String {
+    let first = candidates.first();
+    let with = |c: &Candidate| c.evidence.map_or(f64::NAN, |e| e.ln_odds);
+    let behind = |c: &Candidate| {
+        let next = candidates.iter().find(|o| !effects.contains(&o.effect));
+        next.map_or(String::new(), |n| format!(", and {} before the next, `{}`", odds(with(c) - with(n)), n.key))
+    };
+    match (verdict, first) {
+        (Verdict::Supported, Some(c)) => format!(
+            "{}: `{}` is missing: odds of {} against nothing{}",
+            if c.kind == EffectKind::Artefact { "artefact more likely than physics" } else { "supported" },
+            c.key,
+            odds(with(c)),
+            behind(c)
+        ),
+        (Verdict::OneOf, Some(c)) => format!(
+            "one of {} is missing, which these recordings cannot tell apart: `{}` has odds of {} against nothing{}",
+            list(effects),
+            c.key,
+            odds(with(c)),
+            behind(c)
+        ),
+        (_, Some(c)) => {
+            let why = if few { TOO_FEW.to_owned() } else { c.not_shown_by_recordings() };
+            let begins = if verdict == Verdict::NotDetectable { "not detectable" } else { "nothing missing" };
+            format!("{begins}: the best candidate, `{}`, has odds of {}; {why}", c.key, odds(with(c)))
+        }
+        (_, None) => "no effect could be tried".to_owned(),
+    }
+}
+
 impl Candidate {
+    /// Why evidence does not name the best candidate.
+    fn not_shown_by_recordings(&self) -> String {
+        let Some(e) = &self.evidence else { return String::new() };
+        match e.ln_odds_by_recording {
+            _ if e.ln_odds < 3.0 => "to be named it needs 20 to 1".to_owned(),
+            Some(of) => format!("over recordings left out one by one {}, and it needs 20 to 1 there, too", odds(of)),
+            None => "recordings left out one by one are not predicted better".to_owned(),
+        }
+    }
+
     /// Why it is not accepted; `placebo` is the smallest ratio that a placebo leaves.
     pub fn doubt(&self, placebo: Option<f64>) -> String {
+        if let Some(e) = &self.evidence {
+            let probability = match e.probability {
+                p if p >= 1e-3 => digits(p, 2),
+                p if p > 0.0 => format!("10^{:.0}", p.log10()),
+                _ => "0".to_owned(),
+            };
+            return format!("odds of {} against nothing, probability {probability}", odds(e.ln_odds));
+        }
         if self.accepted_below <= 0.0 {
             "every recording contains some of it, so it is not named after another effect was found".to_owned()
         } else if self.held_out_ratio >= self.accepted_below {

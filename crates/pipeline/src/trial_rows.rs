@@ -5,13 +5,14 @@ use crate::factors::FactorsAndRemarks;
 use crate::results::Results;
 use crate::stages::filter::low_pass;
 use crate::stages::ik::SEGMENTS_FILE;
+use crate::stages::regressor::MATRIX_SEED;
 use crate::stages::robot::RobotErrors;
 use aloft_body::{BaseParameters, Motion, Phi, Subject};
 use aloft_effects::{EffectInstance, PlateSeries, Scene, Span, TrialMotion, columns_about};
 use aloft_flight::{FlightReport, plate_wrench_at_marker_rate, total_wrench};
 use aloft_ik::Segments;
 use aloft_regressor::weak_windows::force_scale_n;
-use aloft_regressor::{EffectColumns, Factor, RegressorError, Stretch, StretchKind};
+use aloft_regressor::{CoordinateNoise, EffectColumns, Factor, RegressorError, Stretch, StretchKind};
 use aloft_study::calendar::Calendar;
 use aloft_study::config::FilterConfig;
 use aloft_study::effects::{KnownEffects, ModelEffects};
@@ -248,6 +249,23 @@ impl TrialRows {
             session_time_s,
             calendar,
         })
+    }
+}
+
+impl TrialRows {
+    /// The motion with drawn errors of a robot's sensors, or of an object's markers, added and
+    /// subtracted; none for people.
+    ///
+    /// # Errors
+    /// [`StageFailure`] if the noise does not fit the model.
+    pub fn disturbed(&self, draws: usize) -> Result<Vec<[Motion; 2]>, StageFailure> {
+        if let Some(sensors) = &self.sensors {
+            return Ok(sensors.pairs(&self.motion, MATRIX_SEED, draws));
+        }
+        let Some(segments) = &self.segments else { return Ok(Vec::new()) };
+        let noise = CoordinateNoise::Markers { markers: &self.subject.markers, sd_m: segments.sd_m };
+        aloft_regressor::disturbed(&self.subject.model, &self.motion, &self.stretches, &noise, draws)
+            .map_err(|e| StageFailure::new(e.to_string()))
     }
 }
 

@@ -124,6 +124,33 @@ pub(crate) fn row_errors(
         .collect()
 }
 
+/// A motion with white noise of its coordinates in some stretches, added and subtracted: an
+/// antithetic pair for each of `draws` draws, the same as those of [`MatrixNoise`].
+///
+/// # Errors
+/// [`RegressorError::Length`] if standard deviations do not fit the model.
+pub fn disturbed(
+    model: &Model,
+    motion: &Motion,
+    stretches: &[Stretch],
+    noise: &CoordinateNoise<'_>,
+    draws: usize,
+) -> Result<Vec<[Motion; 2]>, RegressorError> {
+    let mut out: Vec<[Motion; 2]> = vec![[motion.clone(), motion.clone()]; draws];
+    for stretch in stretches {
+        let roots = frame_roots(model, motion, stretch, noise)?;
+        for (draw, pair) in out.iter_mut().enumerate() {
+            for (side, sign) in pair.iter_mut().zip([1.0, -1.0]) {
+                let moved = disturb(model, motion, stretch, &roots, draw, sign);
+                let frames = stretch.first_frame * model.nq..stretch.end_frame * model.nq;
+                side.q[frames.clone()].copy_from_slice(&moved.q[frames]);
+                (side.v, side.a) = (Vec::new(), Vec::new());
+            }
+        }
+    }
+    Ok(out)
+}
+
 /// Root of the coordinates' covariance in every frame of the stretch; none where the motion is not
 /// valid.
 fn frame_roots(

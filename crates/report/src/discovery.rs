@@ -158,7 +158,14 @@ fn answer(
         Light::Neutral,
     ));
     blocks.push(Block::Cards { cards });
-    if let Some(r) = d.rounds.first() {
+    if let Some(e) = &d.evidence {
+        blocks.push(Block::text(format!(
+            "Judged by one marginal likelihood over flights and contact together. In units of their noise the rows leave {}, and {} with what was \
+             found; an effect is named from odds of 20 to 1, which recordings left out one by one have to give, too.",
+            number(e.residual_before),
+            number(e.residual_after)
+        )));
+    } else if let Some(r) = d.rounds.first() {
         blocks.push(Block::text(format!(
             "Judged {} on {} groups of rows (recordings, or flights where recordings are few), each held out in turn. With the signs of the \
              residuals flipped at random, the best ratio of the whole catalogue was {}; the acceptance limit is {}.",

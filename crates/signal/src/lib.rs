@@ -13,6 +13,7 @@
 //! | [`resample`](mod@resample) | values at other times, plates to camera frames |
 //! | [`spectrum`] | power spectral density |
 //! | [`t975`], [`t9995`] | points of Student's t |
+//! | [`ln_gamma_lower`] | incomplete gamma function |
 //!
 //! ```
 //! use aloft_signal::{Butterworth, CutoffCorrection, LowPass, derivatives};
@@ -43,4 +44,4 @@ pub use resample::{Interpolation, filter_and_resample, resample};
 pub use residual_analysis::{ResidualAnalysis, residual_analysis};
 pub use runs::{finite_runs, runs_where};
 pub use spectrum::{Spectrum, welch};
-pub use student::{t975, t9995};
+pub use student::{ln_gamma_lower, t975, t9995};

@@ -247,7 +247,7 @@ pub fn row_noise<'a>(params: &Params, subject: &'a Subject, marker_sd_m: f64) ->
 
 /// Seed of the sensors' errors in the rows' matrix. The floor of a comparison draws from others, so
 /// that it is not judged by the noise that the estimate was corrected for.
-const MATRIX_SEED: u64 = 0x6d61_7472_6978;
+pub(crate) const MATRIX_SEED: u64 = 0x6d61_7472_6978;
 
 /// Errors of the motion from which those of the rows' matrix are drawn, where the estimator asks
 /// for them: of a robot's sensors through its smoother, or of markers through inverse kinematics.

@@ -1,0 +1,25 @@
+//! Which effect is missing, by one marginal likelihood over flights and contact together.
+//!
+//! | module | what it does |
+//! |---|---|
+//! | `priors` | every number chosen by hand |
+//! | `noise` | covariance of the rows' errors from draws, rows in its units |
+//! | `model` | rows with the effects of a model |
+//! | `candidates` | explanations, each at the optimum of its unknowns |
+//! | `likelihood` | the marginal likelihood of one of them |
+//! | `by_recording` | the same with recordings as the units |
+//! | `posterior` | probabilities of effects, targets, recordings |
+//! | `search` | the likeliest joins the model, and the rest is asked again |
+//! | `answer` | verdict, effects found, words |
+
+mod answer;
+mod by_recording;
+mod candidates;
+mod likelihood;
+mod model;
+mod noise;
+mod posterior;
+mod priors;
+mod search;
+
+pub(crate) use answer::by_evidence;
