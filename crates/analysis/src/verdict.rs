@@ -77,7 +77,7 @@ pub fn chance_of(round: &Round) -> String {
 /// How often chance alone lets the best of all candidates do as well as this one.
 fn chance_in_words(round: &Round, best: &Candidate) -> String {
     if let Some(e) = &best.evidence {
-        return format!("its odds against nothing missing are {}", odds(e.ln_odds));
+        return format!("its odds against nothing missing are {}", odds(e.sure()));
     }
     if round.clusters <= FEW_PATTERNS {
         let patterns = 1_usize << round.clusters.saturating_sub(1);

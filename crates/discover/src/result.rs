@@ -178,6 +178,14 @@ pub struct CandidateEvidence {
     pub residual: f64,
 }
 
+impl CandidateEvidence {
+    /// Odds against "nothing missing" that may be stated (natural logarithm): the smaller of those
+    /// by rows and those by recordings, because errors that repeat make rows look independent.
+    pub fn sure(&self) -> f64 {
+        self.ln_odds_by_recording.map_or(self.ln_odds, |by| by.min(self.ln_odds))
+    }
+}
+
 /// What one marginal likelihood says of the recordings as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SessionEvidence {

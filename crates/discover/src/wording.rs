@@ -185,10 +185,13 @@ pub fn odds(ln_odds: f64) -> String {
 /// The conclusion of one question by evidence, in words.
 pub(crate) fn by_evidence(verdict: Verdict, effects: &[String], candidates: &[Candidate], few: bool) -> String {
     let first = candidates.first();
-    let with = |c: &Candidate| c.evidence.map_or(f64::NAN, |e| e.ln_odds);
+    let with = |c: &Candidate| c.evidence.map_or(f64::NAN, |e| e.sure());
+    let by_rows = |c: &Candidate| c.evidence.map_or(f64::NAN, |e| e.ln_odds);
     let behind = |c: &Candidate| {
         let next = candidates.iter().find(|o| !effects.contains(&o.effect));
-        next.map_or(String::new(), |n| format!(", and {} before the next, `{}`", odds(with(c) - with(n)), n.key))
+        next.map_or(String::new(), |n| {
+            format!("; by the rows alone {} before the next, `{}`", odds(by_rows(c) - by_rows(n)), n.key)
+        })
     };
     match (verdict, first) {
         (Verdict::Supported, Some(c)) => format!(

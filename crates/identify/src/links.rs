@@ -177,7 +177,7 @@ struct Links {
 }
 
 /// Unit of the base parameters that are inertias.
-const INERTIA_UNIT: &str = "kg·m²";
+pub(crate) const INERTIA_UNIT: &str = "kg·m²";
 
 /// Factor between the weights of the rows of successive minima, on which the last does not depend.
 const GROWTH: f64 = 10.0;

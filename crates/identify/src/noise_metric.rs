@@ -30,6 +30,7 @@
 //! leaves, because a force missing from the model lifts all directions.
 
 use crate::gate::WELL;
+use crate::links::INERTIA_UNIT;
 use crate::system::{Solution, System};
 use crate::{IdentifyError, PreparedPrior};
 use aloft_body::BaseParameters;
@@ -335,7 +336,7 @@ impl NoiseMetric {
     pub fn moment_errors(&self, x: &DVector<f64>, base: &BaseParameters) -> Option<DMatrix<f64>> {
         let mut errors = self.merged.noise()?.dense().columns(0, base.len()).into_owned();
         for (j, mut column) in errors.column_iter_mut().enumerate() {
-            if base.parameters[j].unit != "kg·m²" {
+            if base.parameters[j].unit != INERTIA_UNIT {
                 column.fill(0.0);
             }
         }

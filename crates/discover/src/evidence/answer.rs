@@ -69,7 +69,8 @@ pub(crate) fn by_evidence(
     let staged = computed.as_ref().and_then(|c| c.errors[place]).map(|s| HeldOutResult { by_parameters, ..s });
     let after = if found.is_empty() { before } else { staged.or(estimated) };
     let groups: Vec<Group> = made.asked.iter().filter(|a| !a.named.is_empty()).map(|a| group(&a.named)).collect();
-    let verdict = verdict(&made, &groups, before, after);
+    let elsewhere = session.model_error[1 - place].filter(|_| found.is_empty());
+    let verdict = verdict(&made, &groups, [before, after], elsewhere);
     let named = matches!(verdict, Verdict::Supported | Verdict::OneOf);
     let groups = if named { groups } else { Vec::new() };
     let weight = session.unit[0];
@@ -124,9 +125,13 @@ pub(crate) fn by_evidence(
 fn verdict(
     made: &Search<'_>,
     groups: &[Group],
-    before: Option<HeldOutResult>,
-    after: Option<HeldOutResult>,
+    [before, after]: [Option<HeldOutResult>; 2],
+    elsewhere: Option<HeldOutResult>,
 ) -> Verdict {
+    // nothing is missing only where flight and contact both are at their floors
+    if groups.is_empty() && elsewhere.is_some_and(|e| e.is_above()) {
+        return Verdict::Unexplained;
+    }
     let few = made.asked.first().is_none_or(|a| a.clusters < FEWEST_CLUSTERS);
     let above_noise = made.left > most_by_noise();
     if !groups.is_empty() && !few {
@@ -310,7 +315,7 @@ fn words(d: &Discovery, before: Option<HeldOutResult>) -> String {
         },
         Verdict::Unexplained => {
             let part = if said.is_empty() { String::new() } else { format!("; part of it: {}", said.join("; then ")) };
-            format!("unexplained: {} remains, more than the noise allows{part}", noise(e.residual_after))
+            format!("unexplained: {} remains, and the held-out error is above its floor{part}", noise(e.residual_after))
         }
     }
 }

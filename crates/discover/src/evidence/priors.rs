@@ -1,4 +1,6 @@
 //! Every number of the evidence that is chosen by hand, with its unit, its source and its reason.
+//! [`NOISE_FREEDOM`], [`LINKED`], [`OWN`], [`POOLED`] and [`SHARED`] are those of a first trial on
+//! other simulators; none has an ablation yet.
 
 /// Degrees of freedom with which the size of the errors is known: eight antithetic draws of four
 /// kinds of rows that share their size. The variance of the rows is at least that of the draws,
