@@ -220,7 +220,7 @@ class Laboratories:
         # share of the error that each effect leaves when it is the first one, by kind of motion
         kept["leaves"] = {}
         for made in found.get("rounds", []):
-            kept["leaves"].setdefault(made["judged_on"], {c["effect"]: c["held_out_ratio"] for c in made["candidates"] if not c["placebo"]})
+            kept["leaves"].setdefault(made["judged_on"], {c["effect"]: c["held_out_ratio"] for c in made["candidates"]})
         kept["found"] = [f["key"] for f in found.get("found", [])]
         kept["also_on"] = {f["key"]: f.get("also_on", []) for f in found.get("found", [])}
         kept["estimates"] = {f"{f['key']}.{c['name']}": [c["value"], *(c["ci95"] or [None, None])] for f in found.get("found", []) for c in f["coefficients"] + f["nonlinear"]}

@@ -104,7 +104,7 @@ fn nothing_is_missing_where_nothing_is_hidden() {
     let found = json(&[&["discover"], &words[..], &["--json"]].concat());
     assert_eq!(found["verdict"], "nothing_missing", "{}", found["words"]);
     assert!(found["noise_floor"].as_f64().unwrap() > 0.0);
-    for key in ["effect", "held_out_ratio", "ci95", "coefficients", "confused_with", "minimum_detectable"] {
+    for key in ["effect", "held_out_ratio", "ci95", "coefficients", "minimum_detectable"] {
         assert!(!found["candidates"][0][key].is_null(), "discover --json lacks candidates[].{key}");
     }
 }

@@ -1,4 +1,4 @@
-//! `discover --method evidence`: the same questions by one marginal likelihood.
+//! What is missing, by one marginal likelihood.
 
 use crate::support::{expect, folder, json, repo};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -14,8 +14,7 @@ fn drag_is_named_and_can_be_added_and_nothing_where_nothing_is_hidden() {
     let (demo, twin, ws, of_twin) = (repo("pipelines/demo.yaml"), repo("fixtures/demo_twin"), at("ws"), at("twin"));
     let words = [demo.as_str(), "--workspace", &ws];
     expect(&[&["run"], &words[..]].concat(), 0);
-    let ask = ["--method", "evidence"];
-    let found = json(&[&["discover"], &words[..], &ask, &["--json"]].concat());
+    let found = json(&[&["discover"], &words[..], &["--json"]].concat());
     assert_eq!(found["verdict"], "supported", "{}", found["words"]);
     assert_eq!(found["effects"], serde_json::json!(["quadratic_drag"]));
     let noise = |key: &str| found["evidence"][key].as_f64().unwrap();
@@ -23,11 +22,11 @@ fn drag_is_named_and_can_be_added_and_nothing_where_nothing_is_hidden() {
     let of = |i: usize| found["candidates"][i]["evidence"]["ln_odds"].as_f64().unwrap();
     assert!(of(0) > 100.0 && of(0) > of(1) + 3.0, "{} {}", of(0), of(1));
     // the answer can be read, added and reported as any other
-    let (said, next) = expect(&[&["discover"], &words[..], &ask, &["--details"]].concat(), 0);
+    let (said, next) = expect(&[&["discover"], &words[..], &["--details"]].concat(), 0);
     assert!(said.contains("question 1: ") && said.contains("odds of 10^"), "{said}");
     assert!(next.contains("effect add") && !said.contains("NaN"), "{next}{said}");
     expect(&["effect", "add", &demo, found["found"][0]["key"].as_str().unwrap(), "--workspace", &ws], 0);
-    let after = json(&[&["discover"], &words[..], &ask, &["--json"]].concat());
+    let after = json(&[&["discover"], &words[..], &["--json"]].concat());
     assert_eq!(after["verdict"], "nothing_missing", "{}", after["words"]);
     expect(&[&["report"], &words[..]].concat(), 0);
     let page = std::fs::read_to_string(dir.path().join("ws/report.html")).unwrap();
@@ -37,7 +36,7 @@ fn drag_is_named_and_can_be_added_and_nothing_where_nothing_is_hidden() {
 
     let words = [demo.as_str(), "--data", &twin, "--workspace", &of_twin];
     expect(&[&["run"], &words[..]].concat(), 0);
-    let found = json(&[&["discover"], &words[..], &ask, &["--json"]].concat());
+    let found = json(&[&["discover"], &words[..], &["--json"]].concat());
     assert_eq!(found["verdict"], "nothing_missing", "{}", found["words"]);
     assert!(found["evidence"]["nothing"].as_f64().unwrap() > 0.5, "{}", found["evidence"]);
 }
@@ -73,7 +72,7 @@ fn a_body_without_mass_explains_nothing() {
     let ws = file("ws").display().to_string();
     let words = [pipeline.to_str().unwrap(), "--workspace", &ws];
     expect(&[&["run"], &words[..]].concat(), 0);
-    let found = json(&[&["discover"], &words[..], &["--method", "evidence", "--json"]].concat());
+    let found = json(&[&["discover"], &words[..], &["--json"]].concat());
     assert!(found["found"].as_array().unwrap().is_empty(), "{}", found["words"]);
     assert_ne!(found["verdict"], "supported", "{}", found["words"]);
 }

@@ -94,7 +94,9 @@ fn a_load_in_every_recording_is_found_and_added() {
     let places = ["--data", &data, "--workspace", &ws];
     expect(&[&["run", &human], &places[..]].concat(), 0);
     let found = json(&[&["discover", &human, "--closed", "--json"], &places[..]].concat());
-    assert_eq!(found["found"][0]["key"], "link_mass[hand_l]", "{}", found["words"]);
+    // the stated mass lacks the load, which the plates carry
+    let keys: Vec<&str> = found["found"].as_array().unwrap().iter().map(|f| f["key"].as_str().unwrap()).collect();
+    assert!(keys.contains(&"link_mass[hand_l]"), "{}", found["words"]);
     expect(&[&["effect", "add", &human, "link_mass[hand_l]"], &places[..]].concat(), 0);
     let ladder = json(&[&["history", &human, "--json"], &places[..]].concat());
     let error = |rung: usize| {

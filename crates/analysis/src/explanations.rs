@@ -81,7 +81,7 @@ fn differing(check: &SessionCheck) -> Vec<&'static str> {
 
 /// Keys of the effects that an answer names, with their candidates.
 fn named(d: &Discovery) -> Vec<(String, Option<&Candidate>)> {
-    let of = |key: &str, id: &str| d.candidates.iter().find(|c| c.key == key || (c.effect == id && !c.placebo));
+    let of = |key: &str, id: &str| d.candidates.iter().find(|c| c.key == key || (c.effect == id));
     let mut out: Vec<(String, Option<&Candidate>)> = Vec::new();
     if matches!(d.verdict, Verdict::Supported | Verdict::OneOf) {
         out.extend(d.found.iter().map(|f| (f.key.clone(), of(&f.key, &f.effect))));
@@ -113,7 +113,7 @@ pub fn explanations(
         }
     }
     let twin = |key: &str| SAME.iter().find(|(_, correction, _)| *correction == key);
-    let ranked = |id: &str| d?.candidates.iter().find(|c| c.effect == id && !c.placebo).map(|c| c.held_out_ratio);
+    let ranked = |id: &str| d?.candidates.iter().find(|c| c.effect == id).map(|c| c.held_out_ratio);
     let mut found: Vec<Explanation> = Vec::new();
     for (key, c) in d.map(named).unwrap_or_default() {
         let same = |o: &Offer| twin(o.key).is_some_and(|(_, _, effect)| key.split('[').next() == Some(*effect));

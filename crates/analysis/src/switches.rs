@@ -256,7 +256,7 @@ impl Switches {
         // laws of joints change nothing in the rows of the body
         let mut effects: Vec<ModelEffect> = session.effects.iter().filter(|e| !e.is_of_joints()).cloned().collect();
         let mut without_switch: Vec<WithoutSwitch> = Vec::new();
-        let ranked = asked.found.iter().flat_map(|d| &d.candidates).filter(|c| !c.placebo).map(|c| c.key.clone());
+        let ranked = asked.found.iter().flat_map(|d| &d.candidates).map(|c| c.key.clone());
         let found = asked.found.iter().flat_map(|d| &d.found).map(|f| f.key.clone());
         let laws = session.own_effects.iter().map(|o| o.spec.id.clone());
         for key in found.chain(laws).chain(ranked) {

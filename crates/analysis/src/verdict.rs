@@ -2,7 +2,7 @@
 
 use crate::wording::unit;
 use aloft_compare::significant;
-use aloft_discover::{AgainstLaw, Candidate, Discovery, Estimate, Group, Round, TOO_FEW, Verdict, odds};
+use aloft_discover::{Candidate, Discovery, Estimate, Group, TOO_FEW, Verdict, odds};
 use aloft_effects::EffectKind;
 
 fn group(g: &Group) -> String {
@@ -60,40 +60,18 @@ pub fn at_most(p: f64) -> String {
     format!("{:.3}", (1000.0 * p).ceil() / 1000.0)
 }
 
-/// Up to this number of clusters there are fewer than 100 patterns of signs.
-const FEW_PATTERNS: usize = 7;
-
-/// What the signs of residuals, flipped at random, gave in a round: how little the best of all
-/// candidates left. n clusters have 2ⁿ⁻¹ patterns of signs up to a common one.
-pub fn chance_of(round: &Round) -> String {
-    let (share, chance) = round.by_chance();
-    if round.clusters > FEW_PATTERNS {
-        return format!("below {chance:.3} in {:.0} of 100 draws", 100.0 * share);
-    }
-    let others = (1_usize << round.clusters.saturating_sub(1)) - 1;
-    format!("not below {chance:.3} in any of the {others} other patterns of signs")
+/// Odds of a candidate against "nothing missing", in words.
+pub fn odds_of(c: &Candidate) -> String {
+    c.evidence.map_or("–".to_owned(), |e| odds(e.ln_odds))
 }
 
-/// How often chance alone lets the best of all candidates do as well as this one.
-fn chance_in_words(round: &Round, best: &Candidate) -> String {
-    if let Some(e) = &best.evidence {
-        return format!("its odds against nothing missing are {}", odds(e.sure()));
+/// Probability that a candidate is what is missing, in words.
+pub fn probability_of(c: &Candidate) -> String {
+    match c.evidence.map(|e| e.probability) {
+        Some(p) if p >= 5e-4 => significant(p, 2),
+        Some(_) => "<0.001".to_owned(),
+        None => "–".to_owned(),
     }
-    if round.clusters <= FEW_PATTERNS {
-        let patterns = 1_usize << round.clusters.saturating_sub(1);
-        return format!(
-            "by chance the best of all candidates does as well with a probability of about {} (places and groups of trials are not sought anew for it; {} flights or trials cannot show less than 1 in \
-             {patterns})",
-            at_most(best.family_wise_p),
-            round.clusters
-        );
-    }
-    let (share, chance) = round.by_chance();
-    format!(
-        "by chance the best of all candidates leaves less than {:.0} % in {:.0} of 100 cases",
-        100.0 * chance,
-        100.0 * share
-    )
 }
 
 /// How a candidate was decided: `named`, or why it is not.
@@ -104,21 +82,17 @@ pub fn decided(c: &Candidate, d: &Discovery) -> String {
     if d.rounds.iter().any(|r| r.judged_on == c.judged_on && r.has_too_few()) {
         return TOO_FEW.to_owned();
     }
-    let placebos = d.rounds.iter().flat_map(|r| &r.candidates).filter(|p| p.placebo && p.judged_on == c.judged_on);
-    match c.believed {
-        true => "others fit better, or contain it".to_owned(),
-        false => c.doubt(placebos.map(|p| p.held_out_ratio).reduce(f64::min)),
-    }
+    if c.believed { "others are likelier, or contain it".to_owned() } else { c.doubt() }
 }
 
-/// What the evidence for the named effects is: what the first of them leaves of the error, and what
-/// chance alone would; none where none is named.
+/// What the evidence for the named effects is: what the first of them leaves of the error, and its
+/// odds; none where none is named.
 pub fn how_sure(d: &Discovery) -> Option<String> {
     if !matches!(d.verdict, Verdict::Supported | Verdict::OneOf) {
         return None;
     }
     let round = d.rounds.iter().find(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf))?;
-    let here = |c: &&Candidate| !c.placebo && round.effects.contains(&c.effect);
+    let here = |c: &&Candidate| round.effects.contains(&c.effect);
     let best = round.candidates.iter().filter(here).min_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio))?;
     let unit = if best.judged_on == "contact" { "stretches of contact" } else { "flights or trials" };
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
@@ -132,22 +106,10 @@ pub fn how_sure(d: &Discovery) -> Option<String> {
         "it".to_owned()
     };
     let then = if several { beside_others(d, best) } else { in_the_ladder(d, best) }.unwrap_or_default();
-    let by_chance = chance_in_words(round, best);
-    // a law that does better would have taken the effect's place
-    let law = d.against.as_ref().map_or(String::new(), |a| {
-        let alike = if a.is_as_good() && !a.law.is_empty() { as_well(a) } else { String::new() };
-        let fits = match (a.is_as_good(), a.error_ratio < 1.0) {
-            (true, _) => "fits as well",
-            (false, true) => "may fit better by chance",
-            (false, false) => "fits no better",
-        };
-        format!(
-            "; the best law beyond the catalogue {fits}: it leaves {:.2} times the error of `{}` in {}{alike}",
-            a.error_ratio, a.effect, a.judged_on
-        )
-    });
+    let odds =
+        best.evidence.map_or(String::new(), |e| format!("; its odds against nothing missing are {}", odds(e.sure())));
     Some(format!(
-        "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{then}; {by_chance}{law}",
+        "{subject} leaves {} % ({} to {} %) of the error in {unit} that were left out{then}{odds}",
         percent(best.held_out_ratio),
         percent(best.ci95[0]),
         percent(best.ci95[1]),
@@ -166,8 +128,7 @@ pub fn not_excluded(d: &Discovery) -> Option<String> {
     let place = d.rounds.first().map(|r| r.judged_on.as_str())?;
     let possible = |c: &&Candidate| {
         // a limit only where the estimate itself is below it
-        !c.placebo
-            && c.kind == EffectKind::Physics
+        c.kind == EffectKind::Physics
             && c.judged_on == place
             && c.minimum_detectable.is_finite()
             && of_first_unit(c).all(|e| e.value.abs() < c.minimum_detectable)
@@ -186,20 +147,6 @@ pub fn not_excluded(d: &Discovery) -> Option<String> {
         format!("{}; larger ones would be found in about four of five sessions like this one", sizes.join(", "))
     })
 }
-
-/// What is said of a law that predicts as well as the effect: that it is the same force, or by how
-/// much it differs and that the recordings do not tell which of the two acts.
-fn as_well(a: &AgainstLaw) -> String {
-    if a.difference.is_some_and(|d| d < SAME_FORCE) {
-        return format!(", and its force is the same to within {:.0} %: {}", 100.0 * SAME_FORCE, a.law);
-    }
-    let differs =
-        a.difference.map_or(String::new(), |d| format!(", and its force differs by {} %", significant(100.0 * d, 2)));
-    format!("{differs}; these recordings cannot tell the effect from that law: {}", a.law)
-}
-
-/// Difference of two forces, as a share of one of them, below which they are called the same.
-const SAME_FORCE: f64 = 0.01;
 
 /// What the effect leaves where all stages compute it, as the table of errors and the ladder show,
 /// where that differs from the ranking, whose folds and windows are its own.
@@ -258,14 +205,13 @@ mod tests {
     fn two_of_plates(left: [Option<f64>; 2]) -> Discovery {
         let candidate = |key: &str, ratio: f64| {
             json!({"effect": key, "key": key, "target": "body", "kind": "artefact", "class": "", "judged_on": "contact",
-                "held_out_ratio": ratio, "ci95": [ratio - 0.05, ratio + 0.05], "chosen_share": 1.0, "family_wise_p": 0.001,
-                "coefficients": [], "nonlinear": [], "trials": [], "confused_with": [], "minimum_detectable": 0.001,
-                "plausible": true, "believed": true, "placebo": false, "alternatives": []})
+                "held_out_ratio": ratio, "ci95": [ratio - 0.05, ratio + 0.05], 
+                "coefficients": [], "nonlinear": [], "trials": [], "minimum_detectable": 0.001,
+                "plausible": true, "believed": true, "alternatives": []})
         };
         let round = |place: &str, effect: Option<&str>, ratio: f64| {
             let named: Vec<&str> = effect.into_iter().collect();
-            json!({"judged_on": place, "model": [], "held_out_error": 1.0, "held_out_parts": [null, null], "threshold": 0.7,
-                "null_quantiles": [0.3, 0.9, 0.95], "clusters": 7, "effects": named, "joined": named, "words": "",
+            json!({"judged_on": place, "model": [], "held_out_error": 1.0, "clusters": 7, "effects": named, "words": "",
                 "verdict": if effect.is_some() { "supported" } else { "nothing_missing" },
                 "candidates": effect.map(|e| candidate(e, ratio)).into_iter().collect::<Vec<_>>()})
         };
@@ -292,41 +238,6 @@ mod tests {
         // without that of the stages nothing is said: the errors of the answer are those in flight
         let words = how_sure(&two_of_plates([None, None])).unwrap();
         assert!(!words.contains("together") && !words.contains("108"), "{words}");
-    }
-
-    #[test]
-    fn the_best_law_of_another_form_is_part_of_the_evidence() {
-        let words_with = |error_ratio: f64, difference: f64| {
-            let against = AgainstLaw {
-                effect: "a".to_owned(),
-                judged_on: "flight and contact".to_owned(),
-                error_ratio,
-                p_value: 1.0,
-                law: "a force towards a point".to_owned(),
-                difference: Some(difference),
-            };
-            how_sure(&Discovery { against: Some(against), ..two_of_plates([None, None]) }).unwrap()
-        };
-        let words = words_with(1.034, 0.2);
-        assert!(
-            words.ends_with(
-                "beyond the catalogue fits no better: it leaves 1.03 times the error of `a` in flight and contact"
-            ),
-            "{words}"
-        );
-        let words = words_with(1.002, 0.0443);
-        assert!(
-            words.ends_with(
-                "in flight and contact, and its force differs by 4.4 %; these recordings cannot tell the effect from that law: a force towards a point"
-            ),
-            "{words}"
-        );
-        let words = words_with(1.002, 0.003);
-        assert!(
-            words.ends_with("in flight and contact, and its force is the same to within 1 %: a force towards a point"),
-            "{words}"
-        );
-        assert!(!how_sure(&two_of_plates([None, None])).unwrap().contains("beyond the catalogue"));
     }
 
     #[test]

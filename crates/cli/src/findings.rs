@@ -112,17 +112,6 @@ pub fn discovery(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     if let Some(open) = &d.open {
         crate::laws::laws(open)?;
     }
-    let mut limits: Vec<&str> = Vec::new();
-    for test in d.rounds.iter().flat_map(|r| &r.rival_tests).filter(|test| test.only_as_limit) {
-        if !limits.contains(&test.effect.as_str()) {
-            limits.push(&test.effect);
-        }
-    }
-    if !limits.is_empty() {
-        let far = "not told from a simpler effect (a distant anchor, a very strong wind)";
-        let each = if limits.len() > 1 { "each " } else { "" };
-        out(labelled("not named: ", &format!("{}: {each}{far}", limits.join(", "))))?;
-    }
     if let Some(words) = no_better(d) {
         out(labelled("not named: ", &words))?;
     }
@@ -235,8 +224,7 @@ fn as_likely<'d>(d: &'d Discovery, key: &str) -> Vec<&'d String> {
     let class = d.groups.iter().find(|g| g.effects.iter().any(|e| e == id));
     let is_found = |id: &str| d.found.iter().any(|f| f.effect == id);
     let others = class.into_iter().flat_map(|g| &g.effects).filter(|e| *e != id && !is_found(e));
-    let mut all: Vec<&Candidate> =
-        others.filter_map(|id| d.candidates.iter().find(|c| c.effect == *id && !c.placebo)).collect();
+    let mut all: Vec<&Candidate> = others.filter_map(|id| d.candidates.iter().find(|c| c.effect == *id)).collect();
     all.sort_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio));
     all.into_iter().map(|c| &c.key).collect()
 }
@@ -313,7 +301,7 @@ fn no_better(d: &Discovery) -> Option<String> {
 fn first_place(view: &DiscoveryView) -> String {
     let d = &view.discovery;
     let named = d.found.first().and_then(|f| d.candidates.iter().find(|c| c.effect == f.effect));
-    let tried = |place: &str| d.candidates.iter().any(|c| !c.placebo && c.judged_on == place);
+    let tried = |place: &str| d.candidates.iter().any(|c| c.judged_on == place);
     let above = view.errors.iter().filter(|e| e.at_floor != Some(true) && tried(&e.judged_on));
     let worst = above.max_by(|a, b| a.times_floor.unwrap_or(0.0).total_cmp(&b.times_floor.unwrap_or(0.0)));
     let rounds = d.rounds.first().map(|r| &r.judged_on);
@@ -323,7 +311,7 @@ fn first_place(view: &DiscoveryView) -> String {
 /// The best candidates of the ranking; with `details` all of them, with what decided on each.
 fn candidates(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     let d = &view.discovery;
-    let mut all: Vec<&Candidate> = d.candidates.iter().filter(|c| !c.placebo).collect();
+    let mut all: Vec<&Candidate> = d.candidates.iter().collect();
     // shares of different errors do not stand in one order
     let place = first_place(view);
     all.sort_by_key(|c| c.judged_on != place);
@@ -337,11 +325,10 @@ fn candidates(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
     header.extend(["coefficient", "± 95 %", "detectable", "unit"]);
     let size = header.len() - 4;
     header.extend(["of"].iter().take(usize::from(details)));
-    header.push("confusable with");
-    let like_at = header.len() - 1;
-    let left: Vec<usize> = (1..=places).chain(size + 3..=like_at).collect();
+    header.push("probability");
+    let left: Vec<usize> = (1..=places).chain(size + 3..header.len() - 1).collect();
     let t = table(&header).left(&left);
-    let mut t = if details { t.wrapped(decided) } else { t.wrapped(like_at).optional(&[size + 2, 2 + places]) };
+    let mut t = if details { t.wrapped(decided) } else { t.optional(&[size + 2, 2 + places]) };
     let shown = if details { all.len() } else { SHORT };
     for c in all.iter().take(shown) {
         let first = verdict::shown_coefficient(c);
@@ -359,7 +346,7 @@ fn candidates(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
             first.map_or(String::new(), |e| unit(&e.unit)),
         ]);
         row.extend(details.then(|| first.map_or(String::new(), |e| e.name.clone())));
-        row.push(like(c, d).join(" "));
+        row.push(verdict::probability_of(c));
         t.add_row(row);
     }
     let left_out = t.left_out().join(", ");
@@ -395,38 +382,10 @@ fn rounds(d: &Discovery) -> Result<(), Stop> {
     out("")?;
     for (i, r) in d.rounds.iter().enumerate() {
         let model = if r.model.is_empty() { "without effects".to_owned() } else { format!("with {}", names(&r.model)) };
-        if d.evidence.is_some() {
-            let told = format!("{} flights or trials, model {model}: {}", r.clusters, r.words);
-            out(labelled(&format!("question {}: ", i + 1), &told))?;
-            continue;
-        }
-        out(labelled(
-            &format!("round {}: ", i + 1),
-            &format!(
-                "judged in {} on {} flights or trials, model {model}: {}; accepted only below a ratio of {:.3}; with signs flipped at random the best ratio was {}",
-                r.judged_on,
-                r.clusters,
-                r.words,
-                r.threshold,
-                verdict::chance_of(r)
-            ),
-        ))?;
+        let told = format!("{} flights or trials, model {model}: {}", r.clusters, r.words);
+        out(labelled(&format!("question {}: ", i + 1), &told))?;
     }
     Ok(())
-}
-
-/// Effects that cannot be told from this one: those that the verdict names beside it, and those
-/// whose difference in rank chance could explain (p > 0.05).
-fn like<'d>(c: &'d Candidate, d: &'d Discovery) -> Vec<&'d str> {
-    let class = d.groups.iter().find(|g| g.effects.contains(&c.effect)).into_iter().flat_map(|g| &g.effects);
-    let mut out: Vec<&str> = class.map(String::as_str).filter(|e| *e != c.effect).collect();
-    for other in c.confused_with.iter().filter(|x| x.p_value > 0.05) {
-        if !out.contains(&other.effect.as_str()) {
-            out.push(&other.effect);
-        }
-    }
-    out.truncate(3);
-    out
 }
 
 /// How often injected effects are identified correctly.

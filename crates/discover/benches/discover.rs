@@ -53,7 +53,7 @@ fn bench(c: &mut Criterion) {
         .collect();
     let scene = scene_of(&body, &trials);
     let weak = WeakOptions::default();
-    let session = Session::new(&body, &scene, &trials, &weak).unwrap();
+    let session = Session::new(&body, &scene, &trials, &weak).unwrap().with_white_noise(&body, &trials, &weak).unwrap();
     let drag = EffectInstance::parse("quadratic_drag", &scene).unwrap();
     let options = DiscoverOptions::default();
     let mut group = c.benchmark_group("40 flights");

@@ -10,11 +10,9 @@
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant, score};
 use crate::ladder::{estimates, extra_columns, key_of, sharpened};
-use crate::limits::{limit, limit_by_number};
 use crate::nonlinear::joint_se_at;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
-use crate::rank::judged_in;
 use crate::repeating::widen;
 use crate::result::Addition;
 use crate::session::Session;
@@ -115,7 +113,7 @@ pub fn detectable(
     if !(energy.is_finite() && energy > 0.0) {
         return Ok(f64::INFINITY);
     }
-    let threshold = limit_by_number(problem.clusters.len(), options).min(limit(choice.effect, true, options));
+    let threshold = options.largest_ratio(problem.clusters.len());
     let size = (problem.n_judged as f64 * problem.plain() * (threshold.powi(-2) - 1.0) / energy).sqrt();
     let se = jackknife_se(&reduced.folds.iter().map(|f| f.c[0] / f.s[(0, 0)]).collect::<Vec<_>>());
     Ok(size + 0.84 * if se.is_finite() { se.min(size) } else { 0.0 })
@@ -124,7 +122,7 @@ pub fn detectable(
 /// Flight where the effect acts there and there are flights, contact otherwise.
 fn domain_of(session: &Session<'_>, choice: &EffectInstance<'_>) -> Domain {
     let flights = session.blocks.iter().any(|b| b.kind != StretchKind::Contact);
-    if flights && judged_in(choice.effect, Domain::Flight) { Domain::Flight } else { Domain::Contact }
+    if flights && choice.effect.acts().in_flight() { Domain::Flight } else { Domain::Contact }
 }
 
 /// Columns by block, finite and not all zero.

@@ -1,7 +1,6 @@
 //! Columns of one effect on one target, and its coefficients within their bounds.
 
 use crate::problem::{Problem, Reduced};
-use crate::result::Candidate;
 use crate::session::Session;
 use aloft_effects::{Coefficient, Effect, Target};
 use nalgebra::{DMatrix, DVector};
@@ -13,8 +12,6 @@ pub(crate) struct Variant<'a> {
     pub target: Target,
     pub nonlinear: Vec<f64>,
     pub coefficients: Vec<Coefficient>,
-    /// Number of nonlinear parameters that were fitted (0 at a given start).
-    pub fitted: usize,
     /// Trials on which a group effect acts (all where empty).
     pub group: Vec<bool>,
 }
@@ -22,19 +19,7 @@ pub(crate) struct Variant<'a> {
 impl<'a> Variant<'a> {
     pub fn new(session: &Session<'_>, effect: &'a dyn Effect, target: Target, nonlinear: Vec<f64>) -> Self {
         let coefficients = effect.coefficients(session.scene, target);
-        Self { effect, target, nonlinear, coefficients, fitted: 0, group: Vec::new() }
-    }
-    /// The effect of a candidate of a round, with the values of its fit.
-    pub fn of_candidate(session: &Session<'_>, effects: &[&'a dyn Effect], c: &Candidate) -> Option<Self> {
-        let effect = effects.iter().find(|e| e.id() == c.effect)?;
-        let values = c.nonlinear.iter().map(|e| e.value).collect();
-        let mut variant = Self::new(session, *effect, c.target, values);
-        if !c.trials.is_empty() {
-            variant.group = session.trials.iter().map(|name| c.trials.contains(name)).collect();
-        }
-        // a candidate's unknowns in the room and on the link were fitted
-        variant.fitted = variant.nonlinear.len();
-        Some(variant)
+        Self { effect, target, nonlinear, coefficients, group: Vec::new() }
     }
     /// Columns by block at these or other values of the nonlinear parameters; `None` if they cannot
     /// be computed or are not finite.
@@ -49,20 +34,12 @@ impl<'a> Variant<'a> {
         }
         blocks.iter().all(|b| b.iter().all(|x| is_usable(*x))).then_some(blocks)
     }
-    /// Columns by cluster as if the effect acted in every trial.
-    pub fn columns_everywhere(&self, session: &Session<'_>, problem: &Problem) -> Option<Vec<DMatrix<f64>>> {
-        Self { group: Vec::new(), ..self.clone() }.columns(session, problem)
-    }
     /// Columns by cluster.
     pub fn columns_at(&self, session: &Session<'_>, problem: &Problem, nonlinear: &[f64]) -> Option<Vec<DMatrix<f64>>> {
         Some(problem.gather(&self.blocks_at(session, problem, nonlinear)?))
     }
     pub fn columns(&self, session: &Session<'_>, problem: &Problem) -> Option<Vec<DMatrix<f64>>> {
         self.columns_at(session, problem, &self.nonlinear)
-    }
-    /// Number of unknowns estimated from the data.
-    pub fn unknowns(&self) -> usize {
-        self.coefficients.len() + self.fitted
     }
 }
 
@@ -146,12 +123,9 @@ pub(crate) fn is_determined(s: &DMatrix<f64>) -> bool {
 pub(crate) struct Scored<'a> {
     pub variant: Variant<'a>,
     pub theta: DVector<f64>,
-    /// Gain of the fit to all rows.
-    pub gain: f64,
-    /// By fold: coefficients, gain in training, squared error on the cluster left out.
+    /// By fold: coefficients, squared error on the cluster left out.
     pub fold_theta: Vec<DVector<f64>>,
     pub fold_nonlinear: Vec<Vec<f64>>,
-    pub fold_gain: Vec<f64>,
     pub fold_error: Vec<f64>,
     /// Standard errors of coefficients and nonlinear parameters estimated jointly (jackknife of the
     /// Gauss-Newton step);
@@ -181,14 +155,12 @@ pub(crate) fn fold_freedom<'m>(s: &DMatrix<f64>, folds: impl Iterator<Item = &'m
 
 /// Scores columns that do not depend on the fold.
 pub(crate) fn score<'a>(problem: &Problem, variant: Variant<'a>, reduced: &Reduced) -> Scored<'a> {
-    let (theta, gain) = solve(&reduced.s, &reduced.c, &variant.coefficients);
+    let theta = solve(&reduced.s, &reduced.c, &variant.coefficients).0;
     let n = problem.folds.len();
     let mut out = Scored {
         fold_nonlinear: vec![variant.nonlinear.clone(); n],
         theta,
-        gain,
         fold_theta: Vec::with_capacity(n),
-        fold_gain: Vec::with_capacity(n),
         fold_error: Vec::with_capacity(n),
         joint_se: Vec::new(),
         freedom: fold_freedom(&reduced.s, reduced.folds.iter().map(|f| &f.s)),
@@ -197,10 +169,9 @@ pub(crate) fn score<'a>(problem: &Problem, variant: Variant<'a>, reduced: &Reduc
         variant,
     };
     for (fold, r) in problem.folds.iter().zip(&reduced.folds) {
-        let (theta, gain) = solve(&r.s, &r.c, &out.variant.coefficients);
+        let theta = solve(&r.s, &r.c, &out.variant.coefficients).0;
         out.fold_error.push((&fold.test - &r.test * &theta).norm_squared());
         out.fold_theta.push(theta);
-        out.fold_gain.push(gain);
     }
     out
 }

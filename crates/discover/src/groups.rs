@@ -68,7 +68,7 @@ pub(crate) fn group(
             // a prior hardly tells a load in some trials from something taken away in the others
             let others: Vec<bool> = best.iter().map(|acts| !acts).collect();
             let ((gain, mass), (turned, load)) = (by_trial.gain(&best), by_trial.gain(&others));
-            let is_load = session.prior.is_some() && mass < 0.0 && load > 0.0 && turned > LOAD_GAIN * gain;
+            let is_load = mass < 0.0 && load > 0.0 && turned > LOAD_GAIN * gain;
             Some((gain, if is_load { others } else { best }))
         })
         .collect();
@@ -106,11 +106,6 @@ impl Session<'_> {
             Some(told)
         };
         self.on_plates.get_or_init(find).clone()
-    }
-
-    /// True if the plates were asked and showed in which trials something was carried.
-    pub(crate) fn shows_loads_on_plates(&self) -> bool {
-        self.on_plates.get().is_some_and(Option::is_some)
     }
 }
 

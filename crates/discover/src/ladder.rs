@@ -1,37 +1,14 @@
-//! The growing model: columns of the effects found, their joint coefficients, and removal of
-//! effects that later ones made redundant.
+//! The growing model: columns of the effects found, and their estimates.
 
 use crate::DiscoverError;
 use crate::candidate::{Scored, Variant};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::result::{Estimate, Found};
-use crate::rivals::Rival;
 use crate::session::Session;
-use crate::statistics::{jackknife_se, sign_flip_p};
+use crate::statistics::jackknife_se;
 use aloft_effects::EffectInstance;
 use nalgebra::{DMatrix, DVector};
-
-/// Ingredients of a problem with one more effect in its model.
-pub(crate) struct Refit<'a, 'b> {
-    pub accepted: &'a [EffectInstance<'b>],
-    pub kept: &'a [Variant<'b>],
-    pub found: &'a [Found],
-    pub options: &'a DiscoverOptions,
-}
-
-impl Refit<'_, '_> {
-    /// The problem of a domain with the columns of a variant in the model.
-    pub fn with(&self, session: &Session<'_>, domain: Domain, variant: &Variant<'_>) -> Option<Problem> {
-        let mut extra = extra_columns(session, domain, self.accepted, self.kept, self.found);
-        extra.extend(extra_columns(session, domain, &[], std::slice::from_ref(variant), &[]));
-        Problem::if_possible(session, domain, &extra, self.options)
-    }
-    /// Seed of all random draws.
-    pub fn seed(&self) -> u64 {
-        self.options.seed
-    }
-}
 
 /// Columns of effects in the model, by block; for nonlinear ones found in an earlier round also the
 /// derivatives with respect to their parameters, so that a small error in these is not mistaken for
@@ -98,123 +75,6 @@ pub(crate) fn sharpened(
     new(extra, Some(variance))
 }
 
-/// Removes effects that later ones made redundant, for example a compromise found first when two
-/// effects were at work.
-pub(crate) fn prune<'a>(
-    session: &Session<'_>,
-    accepted: &[EffectInstance<'_>],
-    kept: &mut Vec<Variant<'a>>,
-    found: &mut Vec<Found>,
-    options: &DiscoverOptions,
-) {
-    /// Ratio of held-out errors (root mean square) up to which removing an effect counts as no
-    /// loss.
-    const LOSS: f64 = 1.03;
-    let error = |kept: &[Variant<'_>], found: &[Found], domain: Domain| {
-        let extra = extra_columns(session, domain, accepted, kept, found);
-        Problem::if_possible(session, domain, &extra, options).map(|p| p.plain())
-    };
-    while kept.len() > 1 {
-        let mut least: Option<(f64, Vec<Variant<'a>>, Vec<Found>)> = None;
-        for i in 0..kept.len() - 1 {
-            let domain = if kept[i].effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
-            let (mut fewer, mut fewer_found) = (kept.clone(), found.clone());
-            fewer.remove(i);
-            fewer_found.remove(i);
-            // the others were fitted beside it, and can take its share
-            refit(session, accepted, &mut fewer, &mut fewer_found, options);
-            if let (Some(with), Some(without)) = (error(kept, found, domain), error(&fewer, &fewer_found, domain)) {
-                let loss = (without / with).sqrt();
-                if loss < LOSS && least.as_ref().is_none_or(|l| loss < l.0) {
-                    least = Some((loss, fewer, fewer_found));
-                }
-            }
-        }
-        let Some((_, fewer, fewer_found)) = least else { break };
-        (*kept, *found) = (fewer, fewer_found);
-    }
-}
-
-/// Member of a class that is added to the model: the accepted one with the fewest unknowns, unless
-/// another is better beyond chance. On people it stays if it brings the error to the floor.
-pub(crate) fn to_build_on<'s, 'a>(
-    rivals: &'s [Rival<'a>],
-    names: &[String],
-    options: &DiscoverOptions,
-) -> Option<&'s Rival<'a>> {
-    let members: Vec<&Rival<'a>> =
-        names.iter().filter_map(|n| rivals.iter().find(|r| r.believed && r.id() == n)).collect();
-    let first = *members.first()?;
-    let best = members.iter().copied().min_by(|a, b| a.error().total_cmp(&b.error()))?;
-    let p = sign_flip_p(&best.fold_error, &first.fold_error, 2000, options.seed ^ 0xb111d);
-    let clearly = best.error() < 0.98 * 0.98 * first.error() && p < options.significance;
-    Some(if clearly && !first.at_floor { best } else { first })
-}
-
-/// Fits all effects found together, if there are several.
-pub(crate) fn refit_found(
-    session: &Session<'_>,
-    accepted: &[EffectInstance<'_>],
-    kept: &mut [Variant<'_>],
-    found: &mut [Found],
-    options: &DiscoverOptions,
-) {
-    if kept.len() > 1 {
-        refit(session, accepted, kept, found, options);
-    }
-}
-
-/// Fits effects together: each beside the others as they are by then, in turn, as long as the joint
-/// error falls.
-fn refit(
-    session: &Session<'_>,
-    accepted: &[EffectInstance<'_>],
-    kept: &mut [Variant<'_>],
-    found: &mut [Found],
-    options: &DiscoverOptions,
-) {
-    /// Most rounds through all effects.
-    const ROUNDS: usize = 6;
-    /// Ratio of errors (mean square) above which a further round is not worth its time.
-    const ENOUGH: f64 = 0.99;
-    let domain_of = |v: &Variant<'_>| if v.effect.acts().in_flight() { Domain::Flight } else { Domain::Contact };
-    let whole = |kept: &[Variant<'_>], domain| extra_columns(session, domain, accepted, kept, &[]);
-    let error = |kept: &[Variant<'_>]| {
-        let domains: Vec<Domain> = kept.iter().map(domain_of).collect();
-        let of = |domain| {
-            if !domains.contains(&domain) {
-                return Some(1.0);
-            }
-            let extra = whole(kept, domain);
-            Problem::if_possible(session, domain, &extra, options).map(|p| p.plain())
-        };
-        // relative changes of both count alike
-        Some(of(Domain::Flight)? * of(Domain::Contact)?)
-    };
-    let mut last = error(kept);
-    for _ in 0..ROUNDS {
-        for i in 0..kept.len() {
-            let mut others = kept.to_vec();
-            others.remove(i);
-            let domain = domain_of(&kept[i]);
-            let extra = extra_columns(session, domain, accepted, &others, &[]);
-            let Some(problem) = Problem::if_possible(session, domain, &extra, options) else { continue };
-            let sharp = sharpened(session, &problem, &extra, &whole(kept, domain), options);
-            let Some(problem) = session.or_named(sharp) else { continue };
-            if let Some(scored) = crate::nonlinear::fitted(session, &problem, &kept[i]) {
-                found[i] = as_found(session, &scored);
-                kept[i] = scored.variant;
-            }
-        }
-        let now = error(kept);
-        match (last, now) {
-            (Some(last), Some(now)) if now < ENOUGH * last => {}
-            _ => break,
-        }
-        last = now;
-    }
-}
-
 /// True for a value at one of its bounds, within rounding.
 pub(crate) fn is_at_bound(value: f64, bounds: [f64; 2]) -> bool {
     let near = |b: f64| b.is_finite() && (value - b).abs() <= 1e-9 * b.abs().max(f64::MIN_POSITIVE);
@@ -248,8 +108,11 @@ pub(crate) fn estimates(session: &Session<'_>, scored: &Scored<'_>) -> (Vec<Esti
         .iter()
         .enumerate()
         .map(|(k, c)| {
-            let se = larger(jackknife_se(&scored.fold_theta.iter().map(|t| t[k]).collect::<Vec<_>>()), joint(k));
-            let widening = scored.widening.get(k).copied().unwrap_or(1.0);
+            let jackknife = jackknife_se(&scored.fold_theta.iter().map(|t| t[k]).collect::<Vec<_>>());
+            let se = larger(jackknife, joint(k));
+            // the model's own error is that over recordings
+            let grows = if jackknife > 0.0 && se.is_finite() { se / jackknife } else { 1.0 };
+            let widening = scored.widening.get(k).copied().unwrap_or(1.0).max(grows);
             estimate(&c.name, scored.theta[k], &c.unit, [c.lower, c.upper], widening).with_error(se, freedom(k))
         })
         .collect();

@@ -1,37 +1,24 @@
 //! Finds missing effects, with their uncertainty and the effects that they can be confused with.
 //!
 //! A [`Session`] holds the weak rows of every flight and contact stretch in fixed weights, and
-//! computes columns of any effect for them. [`discover`] refits the inertial parameters together
-//! with each candidate, predicts every trial (or flight, where trials are few) from the others, and
-//! compares errors:
+//! computes columns of any effect for them. [`discover`] puts them in units of their noise and
+//! judges every effect by one marginal likelihood over flights and contact, the inertial parameters
+//! projected out; recordings left out one by one have to show it, too.
 //!
 //! | step | module | what it does |
 //! |---|---|---|
-//! | evidence | `session`, `floor` | rows, columns of effects, noise floor |
-//! | refit | `problem` | parameters projected out of columns, one Cholesky factor per fold |
-//! | refit | `candidate` | bounded coefficients |
-//! | refit | `nonlinear` | Gauss-Newton on the nonlinear parameters, again in each fold |
-//! | ranking | `rank` | choice of target inside each fold, sign-flip null over all effects |
-//! | ranking | `groups` | the trials in which a load was carried, from force plates or from flights |
-//! | ranking | `other_trials` | whether it acts in trials that flights say nothing of |
-//! | ranking | `statistics` | intervals over clusters |
-//! | ranking | `placebo` | effects without physical basis |
-//! | judgement | `discover`, `ladder`, `pairs` | rounds, pruning, pairs of effects |
+//! | rows | `session`, `draws`, `drawn`, `white_noise` | rows, columns of effects, drawn errors |
+//! | fit | `problem` | parameters projected out of columns, one Cholesky factor per fold |
+//! | fit | `candidate`, `plausible` | coefficients within what physics allows |
+//! | fit | `nonlinear` | Gauss-Newton on the nonlinear parameters, again in each fold |
+//! | fit | `groups` | the trials in which a load was carried, from force plates or from flights |
+//! | judgement | `evidence` | explanations, their marginal likelihood, the answer |
 //! | beyond the catalogue | `laws` | where and how an unexplained error acts, and by which law |
-//! | judgement | `beside` | several effects, each judged again beside the others |
-//! | judgement | `judge`, `exchange` | accepted effects, effects that cannot be told apart |
 //! | joints | `joints` | laws of a robot's joints, from what held-out flights leave in their torques |
-//! | judgement | `contact` | what force plates say of effects that flights named |
-//! | judgement | `refused` | effects that are not named although they lower the error in flight |
-//! | judgement | `on_which_link` | other links on which an effect explains as much |
-//! | judgement | `wording` | the result in words |
-//! | intervals | `repeating` | wider intervals for errors that repeat from trial to trial |
-//! | ladder | `addition` | held-out error before and after one more effect |
+//! | intervals | `statistics`, `repeating` | spread over clusters; errors that repeat from trial to trial |
+//! | words | `wording` | the result in words |
+//! | ladder | `addition`, `ladder` | held-out error before and after one more effect |
 //! | self-test | `self_test` | inject and recover on the user's own recordings |
-//! | one likelihood | `evidence` | the same question by one marginal likelihood ([`Method::Evidence`]) |
-//!
-//! Nothing is weighted by residuals: whitening with them would remove part of the effect being
-//! sought.
 //!
 //! ```no_run
 //! # use aloft_body::{BaseParameters, Motion, Phi, Subject};
@@ -49,7 +36,9 @@
 //! };
 //! let trials = [TrialInput { motion, stretches, measured: None, plates: &[], group: None, session_time_s: 0.0 }];
 //! let scene = scene_of(&body, &trials);
-//! let session = Session::new(&body, &scene, &trials, &WeakOptions::default())?;
+//! let weak = WeakOptions::default();
+//! // the errors of the recordings: those that a comparison draws, or white noise alone
+//! let session = Session::new(&body, &scene, &trials, &weak)?.with_white_noise(&body, &trials, &weak)?;
 //! let discovery = discover(&session, &catalogue(), &[], &DiscoverOptions::default())?;
 //! println!("{}", discovery.words);
 //! # Ok(())
@@ -62,50 +51,31 @@
 //! [`aloft_effects::columns`], stored in the factors, and `Factor::with_effects` picks them.
 
 mod addition;
-mod beside;
-mod beyond;
 mod by_stages;
 mod candidate;
-mod conclude;
-mod contact;
 mod discover;
 mod drawn;
 mod draws;
 mod error;
 mod evidence;
-mod exchange;
-mod floor;
 mod groups;
 mod held_out;
 mod joints;
-mod judge;
 mod ladder;
 mod laws;
-mod limits;
 mod nonlinear;
 mod not_tried;
-mod on_which_link;
-mod one_is_enough;
-mod only_as_limit;
 mod options;
-mod other_trials;
-mod pairs;
-mod placebo;
+mod plausible;
 mod problem;
 mod progress;
-mod rank;
-mod refused;
 mod repeating;
 mod result;
-mod rivals;
-mod round;
-mod rounds;
 mod self_test;
 mod session;
-mod shown_in_both;
-mod sizes;
 mod statistics;
 mod thin;
+mod white_noise;
 mod wording;
 
 pub use addition::{addition, detectable, ladder};
@@ -118,11 +88,11 @@ pub use joints::{JointCandidate, JointDiscovery, JointFinding, JointInput, Joint
 pub use laws::{
     Action, Carrier, Diagnosis, Direction, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Variable, Work,
 };
-pub use options::{DiscoverOptions, Method};
+pub use options::DiscoverOptions;
 pub use progress::{Part, Told};
 pub use result::{
-    Addition, AgainstLaw, Alternative, Candidate, CandidateEvidence, Confusion, Discovery, Estimate, Found, Group,
-    Misfit, NotTried, RivalTest, Round, SessionEvidence, Verdict,
+    Addition, Alternative, Candidate, CandidateEvidence, Discovery, Estimate, Found, Group, Misfit, NotTried, Round,
+    SessionEvidence, Verdict,
 };
 pub use self_test::{Injection, SelfTest, SelfTestOptions, SelfTestProgress, SelfTestRow, self_test};
 pub use session::{Body, Session, TrialInput, scene_of};

@@ -7,16 +7,13 @@
 //! cluster's own rows do not help to predict it. With many clusters this step is taken on the
 //! linear model alone.
 
-use crate::candidate::{Scored, Variant, fold_freedom, is_determined, pseudo_inverse, pseudo_solve, score, solve};
+use crate::candidate::{Scored, Variant, fold_freedom, is_determined, pseudo_inverse, pseudo_solve, solve};
 use crate::problem::{Problem, ReducedFold};
 use crate::session::Session;
 use crate::statistics::jackknife_se;
 use aloft_effects::NonlinearParameter;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-
-/// Gauss-Newton steps of a final fit.
-pub(crate) const FULL_STEPS: usize = 20;
 
 struct Point {
     p: Vec<f64>,
@@ -141,7 +138,7 @@ pub(crate) fn improve<'a>(
             break;
         }
     }
-    Some((Variant { nonlinear: at.p, fitted: parameters.len(), ..variant.clone() }, at.gain))
+    Some((Variant { nonlinear: at.p, ..variant.clone() }, at.gain))
 }
 
 /// Standard errors of coefficients and nonlinear parameters estimated jointly, from the columns `[C
@@ -202,7 +199,6 @@ fn along(fold: &ReducedFold, variant: &Variant<'_>, from: &[f64], to: &[f64], k:
 struct FittedFold {
     theta: DVector<f64>,
     nonlinear: Vec<f64>,
-    gain: f64,
     error: f64,
     /// Gram matrix of the columns and their derivatives, with the body's parameters projected out.
     s: DMatrix<f64>,
@@ -233,33 +229,6 @@ pub(crate) fn joint_se_at(session: &Session<'_>, problem: &Problem, variant: &Va
         .unwrap_or_default()
 }
 
-/// A variant that was scored at starting values of its nonlinear parameters, with the errors that
-/// these have and that they cause in the coefficients, as if they had been fitted there: that a
-/// starting value fits well enough does not make it known. Any other variant as it is.
-pub(crate) fn with_joint_errors<'a>(session: &Session<'_>, problem: &Problem, scored: Scored<'a>) -> Scored<'a> {
-    let parameters = scored.variant.effect.nonlinear(session.scene, scored.variant.target);
-    if scored.variant.fitted > 0 || parameters.is_empty() {
-        return scored;
-    }
-    let Some(wide) = columns_and_slopes(session, problem, &scored.variant, &scored.theta) else { return scored };
-    let (joint, folds) = (problem.reduce_all(&wide).0, folds_of(problem, &wide));
-    Scored {
-        joint_se: joint_se(problem, &parameters, &wide, &folds, &scored.theta),
-        widening: widening(&joint, scored.theta.len()),
-        freedom: fold_freedom(&joint, folds.iter().map(|f| &f.s)),
-        ..scored
-    }
-}
-
-/// A variant that was scored at starting values, fitted to a rigid body, if that predicts as well:
-/// what is named gets a place of its own. On a person a fit also follows errors that repeat.
-pub(crate) fn settled<'a>(session: &Session<'_>, problem: &Problem, scored: &Scored<'a>) -> Scored<'a> {
-    let at_start = scored.variant.fitted == 0 && !scored.variant.nonlinear.is_empty();
-    let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
-    let better = (at_start && session.prior.is_none()).then(|| fitted(session, problem, &scored.variant)).flatten();
-    better.filter(|s| error(s) <= error(scored)).unwrap_or_else(|| scored.clone())
-}
-
 /// Columns `[C | ∂(Cθ)/∂p]` of an effect at its present parameter values.
 pub(crate) fn columns_and_slopes(
     session: &Session<'_>,
@@ -285,48 +254,6 @@ pub(crate) fn widening_at(
     Some(widening(&problem.reduce_all(&wide).0, theta.len()))
 }
 
-/// Fits a variant to all rows and in every fold; `None` if it gains nothing or has no columns.
-pub(crate) fn fitted<'a>(session: &Session<'_>, problem: &Problem, variant: &Variant<'a>) -> Option<Scored<'a>> {
-    if variant.effect.nonlinear(session.scene, variant.target).is_empty() {
-        let columns = variant.columns(session, problem)?;
-        return Some(score(problem, variant.clone(), &problem.reduce(&columns)));
-    }
-    let (better, _) = improve(session, problem, variant, FULL_STEPS)?;
-    score_fitted(session, problem, better)
-}
-
-/// The `most` variants of which the linear fit gains most, best first.
-pub(crate) fn best_starts<'a>(
-    session: &Session<'_>,
-    problem: &Problem,
-    starts: Vec<Variant<'a>>,
-    most: usize,
-) -> Vec<Variant<'a>> {
-    let gain = |v: &Variant<'_>| {
-        let (s, c) = problem.reduce_all(&v.columns(session, problem)?);
-        Some(solve(&s, &c, &v.coefficients).1)
-    };
-    let mut gained: Vec<(f64, Variant<'a>)> = starts.into_par_iter().filter_map(|v| Some((gain(&v)?, v))).collect();
-    gained.sort_by(|a, b| b.0.total_cmp(&a.0));
-    gained.into_iter().take(most).map(|g| g.1).collect()
-}
-
-/// [`fitted`] from the values of the variant and from the `most` best of the effect's own starting
-/// values; the fit with the least held-out error.
-pub(crate) fn fitted_anew<'a>(
-    session: &Session<'_>,
-    problem: &Problem,
-    variant: &Variant<'a>,
-    most: usize,
-) -> Option<Scored<'a>> {
-    let at = |nonlinear| Variant { nonlinear, ..variant.clone() };
-    let own = variant.effect.starts(session.scene, variant.target).into_iter().map(at).collect();
-    let starts = std::iter::once(variant.clone()).chain(best_starts(session, problem, own, most));
-    let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
-    let made = starts.filter_map(|v| fitted(session, problem, &v));
-    made.min_by(|a, b| error(a).total_cmp(&error(b)))
-}
-
 /// Scores a fitted variant, with its nonlinear parameters refitted in every fold.
 pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant: Variant<'a>) -> Option<Scored<'a>> {
     let parameters = variant.effect.nonlinear(session.scene, variant.target);
@@ -344,7 +271,7 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
         .enumerate()
         .map(|(g, common)| {
             let (cs, cc) = (common.s.view((0, 0), (k, k)).into_owned(), common.c.rows(0, k).into_owned());
-            let (mut theta, mut gain) = solve(&cs, &cc, &variant.coefficients);
+            let (mut theta, gain) = solve(&cs, &cc, &variant.coefficients);
             let mut test = common.test.columns(0, k).into_owned();
             let mut p = at.p.clone();
             let moved = step(&common.s, &common.c, &parameters, &at.p, 1e-3, 2.0);
@@ -355,25 +282,23 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
                 let rest = if better { &common.test * &x } else { test * &theta };
                 let (theta, nonlinear) = if better { (x.rows(0, k).into_owned(), moved) } else { (theta, p) };
                 let error = (&problem.folds[g].test - rest).norm_squared();
-                return FittedFold { theta, nonlinear, gain: gain.max(y), error, s: common.s };
+                return FittedFold { theta, nonlinear, error, s: common.s };
             }
             if let Some(columns) = variant.columns_at(session, problem, &moved) {
                 let own = problem.reduce_fold(g, &columns);
                 let (t, y) = solve(&own.s, &own.c, &variant.coefficients);
                 if y > gain {
-                    (theta, gain, test, p) = (t, y, own.test, moved);
+                    (theta, test, p) = (t, own.test, moved);
                 }
             }
             let error = (&problem.folds[g].test - test * &theta).norm_squared();
-            FittedFold { theta, nonlinear: p, gain, error, s: common.s }
+            FittedFold { theta, nonlinear: p, error, s: common.s }
         })
         .collect();
     let mut out = Scored {
         theta: at.theta,
-        gain: at.gain,
         fold_theta: Vec::new(),
         fold_nonlinear: Vec::new(),
-        fold_gain: Vec::new(),
         fold_error: Vec::new(),
         joint_se,
         freedom: fold_freedom(&joint, folds.iter().map(|f| &f.s)),
@@ -384,7 +309,6 @@ pub(crate) fn score_fitted<'a>(session: &Session<'_>, problem: &Problem, variant
     for fold in folds {
         out.fold_theta.push(fold.theta);
         out.fold_nonlinear.push(fold.nonlinear);
-        out.fold_gain.push(fold.gain);
         out.fold_error.push(fold.error);
     }
     Some(out)

@@ -1,34 +1,20 @@
 //! Settings of a discovery.
 
+use crate::result::MANY_CLUSTERS;
+use aloft_effects::Effect;
 use serde::{Deserialize, Serialize};
-
-/// How effects are judged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Method {
-    /// Held-out errors in rounds, in flight and in contact apart, each with its limits.
-    #[default]
-    Rounds,
-    /// One marginal likelihood over flights and contact together.
-    Evidence,
-}
 
 /// Options of a discovery.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DiscoverOptions {
-    /// How effects are judged.
-    #[serde(skip_serializing_if = "Method::is_default")]
-    pub method: Method,
     /// Largest held-out ratio at which an effect can be accepted.
     pub belief: f64,
     /// The same limit for kinematic errors (soft tissue, joint centres, filters, camera volume,
     /// flight edges). Every recording has some of them, so only a large one is named, and only
     /// before any other effect was found.
     pub belief_kinematics: f64,
-    /// The same limit for force-plate errors: every plate drifts a little.
-    pub belief_plates: f64,
-    /// Draws of flipped signs for the null distribution.
+    /// Draws of flipped signs for the null distribution of the torques of joints.
     pub null_draws: usize,
     /// Resamples of clusters for intervals.
     pub resamples: usize,
@@ -54,19 +40,29 @@ pub struct DiscoverOptions {
     pub seed: u64,
 }
 
-impl Method {
-    fn is_default(&self) -> bool {
-        *self == Self::default()
+impl DiscoverOptions {
+    /// True if an effect is to be tried.
+    pub(crate) fn asks_for(&self, effect: &dyn Effect) -> bool {
+        let named = |list: &[String]| list.iter().any(|n| n == effect.id());
+        (self.only.is_empty() || named(&self.only)) && !named(&self.without)
+    }
+
+    /// Largest held-out ratio that counts with this number of flights or trials: with few of them
+    /// only a strong effect does.
+    pub(crate) fn largest_ratio(&self, clusters: usize) -> f64 {
+        match clusters {
+            0..5 => self.belief.min(0.80),
+            5..MANY_CLUSTERS => self.belief.min(0.85),
+            _ => self.belief,
+        }
     }
 }
 
 impl Default for DiscoverOptions {
     fn default() -> Self {
         Self {
-            method: Method::default(),
             belief: 0.90,
             belief_kinematics: 0.75,
-            belief_plates: 0.80,
             null_draws: 200,
             resamples: 500,
             rounds: 3,

@@ -46,8 +46,6 @@ pub(crate) struct Fold {
     /// Residual of the judged rows of the left-out cluster.
     pub test: DVector<f64>,
     pub error: f64,
-    /// Sum of squares of the fit without the cluster.
-    pub train: f64,
 }
 
 /// What errors of the motion change in the rows of a cluster.
@@ -291,45 +289,6 @@ impl Problem {
         self.folds.iter().map(|f| f.error).sum::<f64>() / self.n_judged as f64
     }
 
-    /// The same rows with `delta` added to the measured side of every cluster.
-    pub fn shifted(&self, delta: &[DVector<f64>]) -> Self {
-        let mut clusters = self.clusters.clone();
-        for (c, d) in clusters.iter_mut().zip(delta) {
-            c.b += d;
-            c.right = c.a.tr_mul(&c.b);
-        }
-        let right = clusters.iter().fold(DVector::zeros(self.right.len()), |s, c| s + &c.right);
-        let solution = self.cholesky.solve(&right);
-        let squares: f64 = clusters.iter().map(|c| c.b.norm_squared()).sum();
-        let rss = squares - right.dot(&solution);
-        let folds = clusters
-            .par_iter()
-            .zip(&self.folds)
-            .map(|(c, fold)| {
-                let rest = &right - &c.right;
-                let x = fold.cholesky.solve(&rest);
-                let train = squares - c.b.norm_squared() - rest.dot(&x);
-                let all = &c.b - &c.a * x;
-                let test = DVector::from_fn(c.judged.len(), |i, _| all[c.judged[i]]);
-                Fold { cholesky: fold.cholesky.clone(), error: test.norm_squared(), test, train }
-            })
-            .collect();
-        Self {
-            domain: self.domain,
-            clusters,
-            cholesky: self.cholesky.clone(),
-            ridge: self.ridge.clone(),
-            solution,
-            right,
-            folds,
-            rss,
-            n_judged: self.n_judged,
-            parameters: self.parameters.clone(),
-            variance: self.variance,
-            norms: self.norms.clone(),
-        }
-    }
-
     /// Rows of an orthonormal basis of the model's columns, those of the prior included, by
     /// cluster: `A_g L⁻ᵀ` with `L Lᵀ` the Gram matrix.
     pub fn bases(&self) -> Option<Vec<DMatrix<f64>>> {
@@ -491,14 +450,6 @@ impl Problem {
         let (s, c) = unspanned(&cc, symmetric(&cc - ac.tr_mul(&x)), &cb - x.tr_mul(&self.right));
         Reduced { s, c, folds }
     }
-
-    /// Quantities needed for sign flips of the clusters' residuals: for every fold the map from `Σ
-    /// s_h Aᵀr` to the left-out residual.
-    pub fn flip_parts(&self) -> FlipParts<'_> {
-        let residuals: Vec<DVector<f64>> = (0..self.clusters.len()).map(|g| self.residual(g)).collect();
-        let ar = self.clusters.iter().zip(&residuals).map(|(c, r)| c.a.tr_mul(r)).collect();
-        FlipParts { problem: self, residuals, ar }
-    }
 }
 
 /// Factor of a Gram matrix with the prior's rows.
@@ -515,67 +466,17 @@ fn folds_of(
     right: &DVector<f64>,
     ridge: &DVector<f64>,
 ) -> Result<Vec<Fold>, DiscoverError> {
-    let squares: f64 = clusters.iter().map(|c| c.b.norm_squared()).sum();
     clusters
         .par_iter()
         .map(|c| {
             let cholesky = factor(&(gram - &c.gram), ridge)?;
             let rest = right - &c.right;
             let x = cholesky.solve(&rest);
-            let train = squares - c.b.norm_squared() - rest.dot(&x);
             let all = &c.b - &c.a * x;
             let test = DVector::from_fn(c.judged.len(), |i, _| all[c.judged[i]]);
-            Ok(Fold { cholesky, error: test.norm_squared(), test, train })
+            Ok(Fold { cholesky, error: test.norm_squared(), test })
         })
         .collect()
-}
-
-/// Residuals by cluster, prepared for sign flips.
-pub(crate) struct FlipParts<'a> {
-    problem: &'a Problem,
-    pub residuals: Vec<DVector<f64>>,
-    ar: Vec<DVector<f64>>,
-}
-
-/// One fold under one draw of signs.
-pub(crate) struct FlippedFold {
-    /// `M⁻¹ Σ_{h≠g} s_h A_hᵀ r_h`.
-    pub x: DVector<f64>,
-    /// Residual of the judged rows of the left-out cluster.
-    pub test: DVector<f64>,
-    pub error: f64,
-    /// Sum of squares of the fit without the cluster.
-    pub train: f64,
-}
-
-impl FlipParts<'_> {
-    pub fn folds(&self, signs: &[f64]) -> Vec<FlippedFold> {
-        let problem = self.problem;
-        let m = problem.solution.len();
-        let all = self.ar.iter().zip(signs).fold(DVector::zeros(m), |s, (a, sign)| s + a * *sign);
-        problem
-            .folds
-            .iter()
-            .enumerate()
-            .map(|(g, fold)| {
-                let cluster = &problem.clusters[g];
-                let rest = &all - &self.ar[g] * signs[g];
-                let x = fold.cholesky.solve(&rest);
-                let squares: f64 =
-                    self.residuals.iter().enumerate().filter(|(h, _)| *h != g).map(|(_, r)| r.norm_squared()).sum();
-                let train = squares - rest.dot(&x);
-                let rows = &self.residuals[g] * signs[g] - &cluster.a * &x;
-                let test = DVector::from_fn(cluster.judged.len(), |i, _| rows[cluster.judged[i]]);
-                FlippedFold { x, error: test.norm_squared(), test, train }
-            })
-            .collect()
-    }
-    /// `C_gᵀ r_g` and `A_gᵀ C_g` of a candidate by cluster: all that its folds need for sign flips.
-    pub fn candidate(&self, columns: &[DMatrix<f64>]) -> (Vec<DVector<f64>>, Vec<DMatrix<f64>>) {
-        let u = columns.iter().zip(&self.residuals).map(|(c, r)| c.tr_mul(r)).collect();
-        let ac = columns.iter().zip(&self.problem.clusters).map(|(c, cl)| cl.a.tr_mul(c)).collect();
-        (u, ac)
-    }
 }
 
 /// Share of a column's square outside the span of the model's columns below which only rounding

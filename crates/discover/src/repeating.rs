@@ -31,9 +31,14 @@ const GRID: std::ops::Range<i32> = -20..60;
 /// Columns of the repeating errors (markers that slide on every link), by block; `None` if no joint
 /// turns or only stored rows are available.
 fn slides(session: &Session<'_>, domain: Domain) -> Option<Vec<DMatrix<f64>>> {
-    let repeating = EFFECTS.iter().copied().filter(|e| e.about().repeats);
-    let all: Vec<(&dyn Effect, Target)> =
-        repeating.flat_map(|e| e.targets(session.scene).into_iter().map(move |target| (e, target))).collect();
+    let repeating = EFFECTS.iter().copied().filter(|e| e.about().usual_sd > 0.0);
+    let slides = |(e, target): &(&dyn Effect, Target)| {
+        e.coefficients(session.scene, *target).first().is_some_and(|c| c.unit == "m/rad")
+    };
+    let all: Vec<(&dyn Effect, Target)> = repeating
+        .flat_map(|e| e.targets(session.scene).into_iter().map(move |target| (e, target)))
+        .filter(slides)
+        .collect();
     let of_links: Vec<Vec<DMatrix<f64>>> =
         all.into_par_iter().filter_map(|(effect, target)| session.columns(effect, target, &[], domain)).collect();
     let width: usize = of_links.iter().map(|c| c[0].ncols()).sum();

@@ -86,23 +86,6 @@ fn one() -> f64 {
     1.0
 }
 
-/// Another effect that this one can be confused with.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Confusion {
-    /// Identifier of the other effect.
-    pub effect: String,
-    /// Cosine of this effect's fitted signal with its best approximation by the other, inertial
-    /// parameters projected out.
-    #[serde(deserialize_with = "nullable")]
-    pub cosine: f64,
-    /// Probability that chance alone would put the other this far behind (or ahead); small if the
-    /// recordings distinguish them.
-    #[serde(deserialize_with = "nullable")]
-    pub p_value: f64,
-    /// Recording that would separate them.
-    pub separate_by: String,
-}
-
 /// One effect of the ranking.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Candidate {
@@ -121,27 +104,15 @@ pub struct Candidate {
     /// Held-out error (root mean square) with the effect divided by that without it.
     #[serde(deserialize_with = "nullable")]
     pub held_out_ratio: f64,
-    /// Ratio below which it could be accepted; zero if it cannot be (an error that every recording
-    /// has, after another effect was found).
-    #[serde(default)]
-    pub accepted_below: f64,
     /// 95 % interval of the ratio over clusters.
     #[serde(deserialize_with = "nullable_all")]
     pub ci95: [f64; 2],
-    /// Share of resamples in which this effect came first.
-    #[serde(deserialize_with = "nullable")]
-    pub chosen_share: f64,
-    /// Share of sign-flipped data sets in which the best effect of the whole library did as well.
-    #[serde(deserialize_with = "nullable")]
-    pub family_wise_p: f64,
     /// Linear unknowns.
     pub coefficients: Vec<Estimate>,
     /// Nonlinear unknowns.
     pub nonlinear: Vec<Estimate>,
     /// Trials in which a group effect acts; empty for all.
     pub trials: Vec<String>,
-    /// Effects that it can be confused with.
-    pub confused_with: Vec<Confusion>,
     /// Effect size that would be detected in four of five sessions like this one, in the unit of
     /// the first coefficient (length of the vector of coefficients of that unit).
     #[serde(deserialize_with = "nullable")]
@@ -150,11 +121,9 @@ pub struct Candidate {
     pub plausible: bool,
     /// True if it passes every test except the comparison with its rivals.
     pub believed: bool,
-    /// True for a placebo effect.
-    pub placebo: bool,
     /// The same effect on other targets, best first (this one included).
     pub alternatives: Vec<Alternative>,
-    /// Its marginal likelihood; only with `--method evidence`.
+    /// Its marginal likelihood; none in an answer of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub evidence: Option<CandidateEvidence>,
 }
@@ -210,34 +179,8 @@ pub struct Alternative {
     pub held_out_ratio: f64,
 }
 
-/// Test of whether the recordings distinguish two effects that explain them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct RivalTest {
-    /// The effect with the larger error.
-    pub effect: String,
-    /// Held-out error of the best effect over that of this one, both fitted with the prior weight
-    /// of the best effect's model.
-    #[serde(deserialize_with = "nullable")]
-    pub error_ratio: f64,
-    /// Probability that chance (random signs of the clusters' differences) would put this one so
-    /// far behind.
-    #[serde(deserialize_with = "nullable")]
-    pub p_value: f64,
-    /// Mean and standard deviation of the logarithm of the same ratio (of squares) when this effect
-    /// is added to the recordings in other directions: the advantage that repeating errors would
-    /// give the best effect if this one were true. None if the test was not needed.
-    pub if_true: Option<[f64; 2]>,
-    /// True if the recordings distinguish the two.
-    pub separated: bool,
-    /// True if this effect fits only as the limit of a simpler one that is named: at the far edge
-    /// of its range (a distant anchor, a strong wind), or with a place that the recordings do not
-    /// show.
-    #[serde(default)]
-    pub only_as_limit: bool,
-}
-
-/// With fewer flights or trials than this a ratio has to be below the 1 % quantile of the null
-/// distribution, otherwise below the 5 % quantile.
+/// With fewer flights or trials than this only a strong effect counts in the torques of joints, and
+/// more are asked for.
 pub(crate) const MANY_CLUSTERS: usize = 12;
 
 /// With fewer flights or trials than this nothing is named: random signs of five residuals have
@@ -255,37 +198,17 @@ pub struct Round {
     /// length of the rows).
     #[serde(deserialize_with = "nullable")]
     pub held_out_error: f64,
-    /// The same for forces alone, N, and moments alone, N·m; NaN where rows do not separate them.
-    #[serde(deserialize_with = "nullable_all")]
-    pub held_out_parts: [f64; 2],
-    /// A ratio below this is accepted: the smaller of the limit for this number of flights or
-    /// trials and a quantile of the null distribution (1 %, or 5 % with at least 12 of them).
-    #[serde(deserialize_with = "nullable")]
-    pub threshold: f64,
-    /// Quantiles 1, 5, 50 % of the best ratio under flipped signs.
-    #[serde(deserialize_with = "nullable_all")]
-    pub null_quantiles: [f64; 3],
     /// Number of flights or trials that count as evidence.
     pub clusters: usize,
     /// Verdict of this round.
     pub verdict: Verdict,
     /// Effects named by the verdict, the one with the fewest unknowns first.
     pub effects: Vec<String>,
-    /// Effects that joined the model after this round: none, one, or the two of a pair.
-    #[serde(default)]
-    pub joined: Vec<String>,
     /// Number of the named effects that are missing at least: one, or two of a pair.
     #[serde(default)]
     pub missing: usize,
-    /// True if the effects that joined the model were judged again beside all others found, each in
-    /// a round of its own.
-    #[serde(default)]
-    pub superseded: bool,
     /// Reason, in words.
     pub words: String,
-    /// The best effect against every other accepted one.
-    #[serde(default, alias = "duels")]
-    pub rival_tests: Vec<RivalTest>,
     /// All effects, best first.
     pub candidates: Vec<Candidate>,
 }
@@ -294,12 +217,6 @@ impl Round {
     /// True if there are too few clusters to name anything.
     pub fn has_too_few(&self) -> bool {
         self.clusters < FEWEST_CLUSTERS
-    }
-
-    /// Quantile of the null distribution that limits acceptance: its share (0.01 or 0.05) and the
-    /// ratio below which this share of sign-flipped data falls.
-    pub fn by_chance(&self) -> (f64, f64) {
-        if self.clusters < MANY_CLUSTERS { (0.01, self.null_quantiles[0]) } else { (0.05, self.null_quantiles[1]) }
     }
 }
 
@@ -376,15 +293,6 @@ pub struct Discovery {
     /// An answer with such a part missing is not stored.
     #[serde(skip)]
     pub failed: Vec<String>,
-    /// An effect found whose strength depends on something in another way than its law says; null
-    /// where nothing shows that. On a rigid body an effect with a misfit is not named, nor are
-    /// those beside it, nor several of which one is missing if each has one.
-    #[serde(default)]
-    pub misfit: Option<Misfit>,
-    /// The effects that are named beside the best law beyond the catalogue; null where no such law
-    /// was found in flight and contact together, or in the flights of a rigid body.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub against: Option<AgainstLaw>,
     /// Search beyond the catalogue; null if the error is at its floor, or the catalogue explains
     /// it.
     #[serde(default)]
@@ -400,43 +308,16 @@ pub struct Discovery {
     /// possible.
     #[serde(default)]
     pub not_tried: Vec<NotTried>,
-    /// Evidence of the recordings as a whole; only with `--method evidence`.
+    /// Dependence of the strength of what was found on something that its law does not describe: it
+    /// acts like the effect, and what acts is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub misfit: Option<Misfit>,
+    /// Evidence of the recordings as a whole; none in an answer of an earlier version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub evidence: Option<SessionEvidence>,
 }
 
-/// The effects that are named beside the best law beyond the catalogue, each fitted to the same
-/// rows.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct AgainstLaw {
-    /// Identifier of the effect that leaves the least error of those named and, on a rigid body, of
-    /// others that leave no more in the ranking; of several that are named together, all.
-    pub effect: String,
-    /// Motion whose errors are compared: `flight and contact`, on a rigid body also `flight`.
-    #[serde(default = "flight_and_contact")]
-    pub judged_on: String,
-    /// Held-out error with the law over that with the effect (root mean square).
-    #[serde(deserialize_with = "nullable")]
-    pub error_ratio: f64,
-    /// Probability that chance alone puts the law this far ahead (sign flips of the recordings).
-    #[serde(deserialize_with = "nullable")]
-    pub p_value: f64,
-    /// The law, in words.
-    #[serde(default)]
-    pub law: String,
-    /// Root mean square of the difference between the law's force and the effect's in these
-    /// recordings, as a share of the effect's. What inertial parameters can take up does not count.
-    /// None for several effects together.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub difference: Option<f64>,
-}
-
-/// What is compared in results that were written without this field.
-fn flight_and_contact() -> String {
-    "flight and contact".to_owned()
-}
-
-/// Dependence of a named effect's strength that its law does not describe.
+/// Dependence of an effect's strength that its law does not describe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Misfit {
     /// Key of the effect with its target.
@@ -444,18 +325,15 @@ pub struct Misfit {
     /// Link whose motion the variable describes, or `body`.
     pub carrier: String,
     /// Variable, as formulas name it; `strength` if the effect's force grows with another power of
-    /// its own strength, or otherwise bends.
+    /// its own strength, `delay` if it follows the motion at another time.
     pub variable: String,
-    /// Held-out error with the effect's force times a free curve of the variable, over that with
-    /// the effect alone.
-    pub held_out_ratio: f64,
-    /// Probability that the best variable does as well under random signs of flights or trials.
-    pub family_wise_p: f64,
-    /// True if every effect that is named, or could be named in its place, has a misfit.
+    /// What its strength does, in words.
     #[serde(default)]
-    pub of_all_named: bool,
-    /// In words.
-    pub text: String,
+    pub words: String,
+    /// Natural logarithm of the odds for that dependence, the smaller of those by rows and by
+    /// recordings.
+    #[serde(default = "nothing", deserialize_with = "nullable")]
+    pub ln_odds: f64,
 }
 
 /// An effect as stored in a model revision.
@@ -486,20 +364,6 @@ pub struct Found {
 }
 
 impl Found {
-    /// A candidate of a round as the effect of a model.
-    pub(crate) fn of(c: &Candidate) -> Self {
-        Self {
-            effect: c.effect.clone(),
-            key: c.key.clone(),
-            target: c.target,
-            nonlinear: c.nonlinear.clone(),
-            coefficients: c.coefficients.clone(),
-            trials: c.trials.clone(),
-            also_on: Vec::new(),
-            sized_with_contact: false,
-        }
-    }
-
     /// Other links on which it explains as much, in words; none if the recordings tell its link.
     pub fn other_links(&self) -> Option<String> {
         let names: Vec<String> = self.also_on.iter().map(|name| format!("`{name}`")).collect();

@@ -129,7 +129,7 @@ pub fn self_test(
     let mut left_out = Vec::new();
     let mut jobs: Vec<(&Candidate, &dyn Effect, usize)> = Vec::new();
     let wanted = |c: &Candidate| options.inject.is_empty() || options.inject.contains(&c.effect);
-    for (index, candidate) in ranked.candidates.iter().enumerate().filter(|(_, c)| !c.placebo && wanted(c)) {
+    for (index, candidate) in ranked.candidates.iter().enumerate().filter(|(_, c)| wanted(c)) {
         let Some(effect) = catalogue.iter().copied().find(|e| e.id() == candidate.effect) else { continue };
         let key = &candidate.key;
         if effect.about().by_group && candidate.trials.is_empty() {

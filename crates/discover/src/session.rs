@@ -132,9 +132,6 @@ pub struct Session<'a> {
     /// N per unit of a force row, N·m per unit of a moment row (per unit of the test function's
     /// mean).
     pub(crate) unit: [f64; 2],
-    /// Mean square of a weighted row caused by white noise of the coordinates alone, force and
-    /// moment.
-    pub(crate) noise: Option<[f64; 2]>,
     /// Results of a comparison, in flight and in contact.
     pub(crate) model_error: [Option<HeldOutResult>; 2],
     /// Draws of the errors of the recordings; empty without draws.
@@ -237,7 +234,6 @@ impl<'a> Session<'a> {
             prior: body.prior.cloned(),
             mass_kg: body.mass_kg,
             unit: [force_n, force_n * moment_length_m(body, options)],
-            noise: None,
             model_error: [None; 2],
             drawn: Arc::default(),
             counter: Counter::default(),
@@ -247,7 +243,6 @@ impl<'a> Session<'a> {
             warnings,
             failed: Arc::default(),
         };
-        out.noise = crate::floor::white_noise(body, trials, options, &out.blocks)?;
         // gravity acts at the body's centre of mass, which flights determine better than the prior
         let flying = out.blocks.iter().any(|b| b.kind == StretchKind::Flight);
         let domain = if flying { Domain::Flight } else { Domain::Contact };
@@ -339,7 +334,7 @@ impl<'a> Session<'a> {
     }
 
     /// Adds the rows along the motion with drawn errors added and subtracted, a pair for each draw:
-    /// what the errors of the motion do to columns ([`Method::Evidence`](crate::Method)).
+    /// what the errors of the motion do to columns.
     #[must_use]
     pub fn with_disturbed(mut self, pairs: Vec<[Session<'a>; 2]>) -> Self {
         let alike = |s: &Session<'_>| {

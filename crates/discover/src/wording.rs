@@ -3,9 +3,7 @@
 use crate::held_out::HeldOutResult;
 use crate::laws::{OpenWorld, WHOLE_BODY};
 use crate::problem::Domain;
-use crate::result::{
-    AgainstLaw, Candidate, Discovery, Estimate, FEWEST_CLUSTERS, Group, MANY_CLUSTERS, Round, Verdict,
-};
+use crate::result::{Candidate, Discovery, Estimate, FEWEST_CLUSTERS, MANY_CLUSTERS, Round, Verdict};
 use aloft_effects::{About, Effect, EffectKind};
 use aloft_identify::half_of;
 
@@ -49,123 +47,21 @@ pub(crate) fn decimals(half: f64) -> usize {
     if half.is_finite() && half > 0.0 { (1.0 - half.log10().floor()).clamp(0.0, 9.0) as usize } else { 4 }
 }
 
-/// What is said of effects that fit only as the limit of a simpler one.
-fn as_limits(limits: &[&str]) -> String {
-    let names = limits.iter().map(|n| format!("`{n}`")).collect::<Vec<_>>();
-    match &names[..] {
-        [] => String::new(),
-        [one] => format!(" ({one} would look the same from far away or at high speed)"),
-        [most @ .., last] => {
-            format!(" ({} and {last} would look the same from far away or at high speed)", most.join(", "))
-        }
-    }
-}
-
 /// Why nothing is named where there are too few clusters.
 pub const TOO_FEW: &str = "fewer than six flights or trials are too few to name an effect";
 
-pub(crate) fn round(
-    verdict: Verdict,
-    effects: &[String],
-    limits: &[&str],
-    candidates: &[Candidate],
-    few: bool,
-) -> String {
-    let best = candidates.iter().find(|c| !c.placebo);
-    let first = effects.first().and_then(|e| candidates.iter().find(|c| c.effect == *e));
-    match (verdict, first, best) {
-        (Verdict::Supported, Some(c), _) => format!(
-            "{}: `{}` is missing: held-out error falls to {:.0} % ({:.0}-{:.0} %){}{}",
-            if c.kind == EffectKind::Artefact { "artefact more likely than physics" } else { "supported" },
-            c.key,
-            100.0 * c.held_out_ratio,
-            100.0 * c.ci95[0],
-            100.0 * c.ci95[1],
-            if c.class.is_empty() { String::new() } else { format!(" (cannot be told from: {})", c.class) },
-            as_limits(limits),
-        ),
-        (Verdict::OneOf, Some(c), _) => format!(
-            "one of {} is missing, which these recordings cannot tell apart; with `{}` held-out error falls to {:.0} %{}",
-            list(effects),
-            c.key,
-            100.0 * c.held_out_ratio,
-            as_limits(limits),
-        ),
-        (_, _, Some(b)) => format!(
-            "{}: the best candidate, `{}`, leaves {:.1} % of the held-out error; {}",
-            if verdict == Verdict::NotDetectable { "not detectable" } else { "nothing missing" },
-            b.key,
-            100.0 * b.held_out_ratio,
-            if few {
-                TOO_FEW.to_owned()
-            } else {
-                b.doubt(candidates.iter().filter(|c| c.placebo).map(|c| c.held_out_ratio).reduce(f64::min))
-            },
-        ),
-        _ => "no effect could be tried".to_owned(),
-    }
-}
-
-/// A round in which an effect was judged beside the others found.
-pub(crate) fn beside(round: &Round) -> String {
-    if round.model.is_empty() { round.words.clone() } else { format!("beside {} {}", list(&round.model), round.words) }
-}
-
-/// A round in which two effects together explain what one does not: `left` is the share of the
-/// error that remains, in percent, `one` the best single effect, if there is one, and what it
-/// leaves.
-pub(crate) fn pair(pair: &[String; 2], left: f64, one: Option<(String, f64)>) -> String {
-    let [a, b] = pair;
-    let why = match one {
-        Some((key, of_one)) => {
-            format!("one alone explains less (the best of them, `{key}`, leaves {of_one:.0} %)")
-        }
-        None => "none explains it alone".to_owned(),
-    };
-    format!("two effects together, `{a}` and `{b}`, are missing: held-out error falls to {left:.0} %; {why}")
-}
-
-/// A round in which two effects together explain as much as those named; `joins` if the two join
-/// the model, `left` the share of the error that remains with what joins.
-pub(crate) fn or_pair(effects: &[String], pair: &[String; 2], joins: bool, left: f64) -> String {
-    let [a, b] = pair;
-    let single = effects.iter().map(|e| format!("`{e}`")).collect::<Vec<_>>().join(" or ");
-    let with = if joins { format!("`{a}` and `{b}`") } else { single.clone() };
-    format!(
-        "{single}, or `{a}` and `{b}` together, is missing, which these recordings cannot tell apart; with {with} held-out error falls to {:.0} %",
-        100.0 * left
-    )
-}
-
-/// What the catalogue says before the search beyond it, with the error in flight of the model
-/// (`now`), or `with` the effects that it names.
-pub(crate) fn so_far(d: &Discovery, now: Option<HeldOutResult>, with: Option<HeldOutResult>) -> String {
-    let group = |g: &Group| match &g.effects[..] {
-        [one] => format!("`{one}`"),
-        several => format!("one of {}", list(several)),
-    };
-    let named = matches!(d.verdict, Verdict::Supported | Verdict::OneOf) && !d.groups.is_empty();
-    let groups: Vec<String> = d.groups.iter().map(group).collect();
-    let (says, left, of, begins) = match &groups[..] {
-        groups if named => {
-            let it = if groups.len() > 1 { "them" } else { "it" };
-            (
-                format!("the catalogue names {} as missing", groups.join(", and ")),
-                with,
-                format!("with {it} "),
-                format!("comparing {it} with laws"),
-            )
-        }
-        _ => ("no effect of the catalogue explains the error".to_owned(), now, String::new(), "searching".to_owned()),
-    };
-    let left = left.map_or(String::new(), |left| {
+/// What the catalogue says before the search beyond it, with the error in flight of the model.
+pub(crate) fn so_far(now: Option<HeldOutResult>) -> String {
+    let left = now.map_or(String::new(), |left| {
         format!(
-            "; {of}the error in flight is {} N, {} times the noise floor",
+            "; the error in flight is {} N, {} times the noise floor",
             digits(left.held_out_error, 3),
             digits(left.times_floor(), 2)
         )
     });
-    format!("{says}{left}. Now {begins} beyond the catalogue, which may change the answer")
+    format!(
+        "no effect of the catalogue explains the error{left}. Now searching beyond the catalogue, which may change the answer"
+    )
 }
 
 /// A ratio of odds in words: `1.3e27 to 1`.
@@ -180,6 +76,11 @@ pub fn odds(ln_odds: f64) -> String {
     } else {
         format!("{} to 1", if ln_odds < MANY { digits(ln_odds.exp(), 2) } else { format!("10^{tens:.0}") })
     }
+}
+
+/// What a question said that was asked of a model with effects.
+pub(crate) fn beside(model: &[String], words: &str) -> String {
+    if model.is_empty() { words.to_owned() } else { format!("beside {} {words}", list(model)) }
 }
 
 /// The conclusion of one question by evidence, in words.
@@ -228,29 +129,15 @@ impl Candidate {
         }
     }
 
-    /// Why it is not accepted; `placebo` is the smallest ratio that a placebo leaves.
-    pub fn doubt(&self, placebo: Option<f64>) -> String {
-        if let Some(e) = &self.evidence {
-            let probability = match e.probability {
-                p if p >= 1e-3 => digits(p, 2),
-                p if p > 0.0 => format!("10^{:.0}", p.log10()),
-                _ => "0".to_owned(),
-            };
-            return format!("odds of {} against nothing, probability {probability}", odds(e.ln_odds));
-        }
-        if self.accepted_below <= 0.0 {
-            "every recording contains some of it, so it is not named after another effect was found".to_owned()
-        } else if self.held_out_ratio >= self.accepted_below {
-            format!("it would have to leave less than {:.0} %", 100.0 * self.accepted_below)
-        } else if !self.plausible {
-            "its size is zero, or at a physical limit".to_owned()
-        } else if self.ci95[1] >= 1.0 {
-            format!("the interval reaches {:.0} %", 100.0 * self.ci95[1])
-        } else if placebo.is_some_and(|p| p <= self.held_out_ratio) {
-            "a placebo effect fits equally well".to_owned()
-        } else {
-            "its gain comes from replacing part of the body weight".to_owned()
-        }
+    /// Why it is not named.
+    pub fn doubt(&self) -> String {
+        let Some(e) = &self.evidence else { return "no evidence is stored for it".to_owned() };
+        let probability = match e.probability {
+            p if p >= 1e-3 => digits(p, 2),
+            p if p > 0.0 => format!("10^{:.0}", p.log10()),
+            _ => "0".to_owned(),
+        };
+        format!("odds of {} against nothing, probability {probability}", odds(e.ln_odds))
     }
 }
 
@@ -267,7 +154,7 @@ pub(crate) fn below(model_error: &HeldOutResult) -> String {
 /// missing.
 pub(crate) fn undecided(d: &Discovery, model_error: &HeldOutResult) -> String {
     let [low, high] = model_error.noise_floor_ci95.unwrap_or([f64::NAN; 2]).map(|n| digits(n, 3));
-    let best = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
+    let best = d.candidates.first().map_or(String::new(), |c| {
         format!("; the best candidate, `{}`, leaves {:.1} % of the held-out error", c.key, 100.0 * c.held_out_ratio)
     });
     format!(
@@ -280,8 +167,7 @@ pub(crate) fn undecided(d: &Discovery, model_error: &HeldOutResult) -> String {
 /// may be the reason, or a small effect.
 pub(crate) fn between(d: &Discovery, place: Domain, model_error: &HeldOutResult) -> String {
     let place = domain(place);
-    let here = |c: &&Candidate| !c.placebo && c.judged_on == place;
-    let best = d.candidates.iter().find(here).map_or(String::new(), |c| {
+    let best = d.candidates.first().map_or(String::new(), |c| {
         format!("; the best candidate, `{}`, leaves {:.1} % of the held-out error", c.key, 100.0 * c.held_out_ratio)
     });
     let (error, times) = (digits(model_error.held_out_error, 2), digits(model_error.times_floor(), 2));
@@ -299,49 +185,38 @@ pub(crate) fn between(d: &Discovery, place: Domain, model_error: &HeldOutResult)
     }
 }
 
-/// What is said of an effect whose size the recordings tell only together with its other unknowns.
-pub(crate) fn with_its_unknowns(key: &str, coefficient: &str) -> String {
-    format!(
-        "; the recordings determine the {coefficient} of `{key}` only together with its other unknowns: its interval contains zero, and with the effect the error is at its floor"
-    )
+/// An error that no effect explains, in words; `place` is where it stands farthest above its floor.
+pub(crate) fn unexplained(d: &Discovery, place: &str, model_error: &HeldOutResult) -> String {
+    let left: String = d.not_tried.iter().map(|n| format!("; {n}")).collect();
+    let part: Vec<String> = d.found.iter().map(|f| f.key.clone()).collect();
+    let remains = format!(
+        "{} N, {} times the noise floor of {} N",
+        digits(model_error.held_out_error, 3),
+        digits(model_error.times_floor(), 2),
+        digits(model_error.noise_floor, 3)
+    );
+    if !part.is_empty() {
+        return format!(
+            "unexplained: with {} in the model the held-out error in {place} is still {remains}; it removes part of the error and is not established as the cause{left}",
+            list(&part),
+        );
+    }
+    let nearest = d.candidates.first().map_or(String::new(), |c| {
+        format!("; the best candidate, `{}`, leaves {:.1} % of the error", c.key, 100.0 * c.held_out_ratio)
+    });
+    let few = d.rounds.iter().any(Round::has_too_few);
+    let why = if few {
+        "there are too few flights or trials to name an effect"
+    } else {
+        "no effect of the catalogue explains it"
+    };
+    format!("unexplained: the held-out error in {place} is {remains}, and {why}{nearest}{left}")
 }
 
-/// The result in words; `far` is the domain in which the error is farthest above the noise floor,
-/// if any.
-pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> String {
-    if let (Verdict::Unexplained, Some((place, model_error))) = (d.verdict, far) {
-        let left: String = d.not_tried.iter().map(|n| format!("; {n}")).collect();
-        let found_here = |id: &String| d.rounds.iter().any(|r| r.judged_on == place && r.effects.contains(id));
-        let part: Vec<String> = d.found.iter().filter(|f| found_here(&f.effect)).map(|f| f.key.clone()).collect();
-        let remains = format!(
-            "{} N, {} times the noise floor of {} N",
-            digits(model_error.held_out_error, 3),
-            digits(model_error.times_floor(), 2),
-            digits(model_error.noise_floor, 3)
-        );
-        if !part.is_empty() {
-            return format!(
-                "unexplained: with {} in the model the held-out error in {place} is still {remains}; it removes part of the error and is not established as the cause{left}",
-                list(&part),
-            );
-        }
-        let nearest = d.candidates.iter().find(|c| !c.placebo && c.judged_on == place).map_or(String::new(), |c| {
-            format!("; the best candidate, `{}`, leaves {:.1} % of the error", c.key, 100.0 * c.held_out_ratio)
-        });
-        let few = d.rounds.iter().any(|r| r.judged_on == place && r.clusters < FEWEST_CLUSTERS);
-        let why = if few {
-            "there are too few flights or trials to name an effect"
-        } else {
-            "no effect of the catalogue explains it"
-        };
-        return format!("unexplained: the held-out error in {place} is {remains}, and {why}{nearest}{left}");
-    }
-    let said: Vec<&str> = d
-        .rounds
-        .iter()
-        .filter(|r| !r.superseded && matches!(r.verdict, Verdict::Supported | Verdict::OneOf))
-        .map(|r| r.words.as_str())
-        .collect();
+/// What the questions by evidence said, in words.
+pub(crate) fn answer(d: &Discovery) -> String {
+    let named = |r: &&Round| matches!(r.verdict, Verdict::Supported | Verdict::OneOf);
+    let said: Vec<&str> = d.rounds.iter().filter(named).map(|r| r.words.as_str()).collect();
     let mut text = if said.is_empty() {
         d.rounds.first().map(|r| r.words.clone()).unwrap_or_default()
     } else {
@@ -354,8 +229,12 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> Strin
             text.push_str(&format!("; `{}`: {}{from}{links}", f.key, estimate(&f.coefficients)));
         }
     }
-    if let Some(misfit) = &d.misfit {
-        text.push_str(&format!("; but {}", misfit.text));
+    if let Some(e) = &d.evidence {
+        let after = match d.found.is_empty() {
+            true => String::new(),
+            false => format!(", {} with what was found", digits(e.residual_after, 2)),
+        };
+        text.push_str(&format!("; the model leaves {} times the noise{after}", digits(e.residual_before, 2)));
     }
     for left in &d.not_tried {
         text.push_str(&format!("; {left}"));
@@ -363,46 +242,18 @@ pub(crate) fn answer(d: &Discovery, far: Option<(&str, HeldOutResult)>) -> Strin
     text
 }
 
-/// The answer where the strength of the one effect found does not follow its law.
-pub(crate) fn of_another_form(d: &Discovery, left: Option<HeldOutResult>) -> String {
-    let why = d.misfit.as_ref().map_or("", |m| m.text.as_str());
-    format!("unexplained: {}, but {why}", lowered(d, left))
+/// The answer where the strength of an effect found does not follow its law.
+pub(crate) fn of_another_form(d: &Discovery) -> String {
+    let Some(m) = &d.misfit else { return String::new() };
+    format!("unexplained: `{}` lowers the error, but its strength {}: odds of {}", m.effect, m.words, odds(m.ln_odds))
 }
 
-/// The answer where a wind straight down is as likely as a resistance that acts `delay_s` late.
-pub(crate) fn wind_or_late(d: &Discovery, left: Option<HeldOutResult>, delay_s: f64) -> String {
-    format!(
-        "unexplained: {}, but the stream of air points straight down: a resistance that acts {:.0} ms late looks the same in free \
-         flight; throws in which the body turns faster may tell the two apart",
-        lowered(d, left),
-        1e3 * delay_s
-    )
-}
-
-/// "`wind[links]` lowers the held-out error in flight to 1.1 times its floor".
-fn lowered(d: &Discovery, left: Option<HeldOutResult>) -> String {
-    let times = left.map_or(String::new(), |s| format!(" to {} times its floor", digits(s.times_floor(), 2)));
-    let found: Vec<String> = d.found.iter().map(|f| f.key.clone()).collect();
-    let lower = if found.len() > 1 { "together lower" } else { "lowers" };
-    format!("{} {lower} the held-out error in flight{times}", list(&found))
-}
-
-/// The result with that of the search beyond the catalogue; `far` if the words say already that the
-/// error is unexplained.
-pub(crate) fn with_open(d: &Discovery, open: &OpenWorld, far: bool) -> String {
+/// The result with that of the search beyond the catalogue.
+pub(crate) fn with_open(d: &Discovery, open: &OpenWorld) -> String {
     if !open.complete {
-        let in_doubt = d.against.as_ref().is_some_and(AgainstLaw::is_against_the_effect);
-        let above = format!(
-            "the held-out error in flight is {:.3} N, {:.1} times the noise floor, and {}",
-            d.held_out_error,
-            d.held_out_error / d.noise_floor,
-            if in_doubt { "no effect is named" } else { "no effect of the catalogue explains it" }
-        );
-        // a verdict below three times the floor comes from the search
-        let lead = if d.verdict == Verdict::Unexplained && !far { above } else { d.words.clone() };
-        return format!("{lead}; {}", open.words);
+        return format!("{}; {}", d.words, open.words);
     }
-    let best = d.candidates.iter().find(|c| !c.placebo).map_or(String::new(), |c| {
+    let best = d.candidates.first().map_or(String::new(), |c| {
         format!(": the best effect of the catalogue, `{}`, leaves {:.1} % of it", c.key, 100.0 * c.held_out_ratio)
     });
     format!(
@@ -410,28 +261,6 @@ pub(crate) fn with_open(d: &Discovery, open: &OpenWorld, far: bool) -> String {
         d.held_out_error,
         d.held_out_error / d.noise_floor,
         open.words
-    )
-}
-
-/// What is said of a named effect if a law does a little better.
-pub(crate) fn of_another_law(a: &AgainstLaw) -> String {
-    format!(
-        "; in {} a law beyond the catalogue leaves {:.2} times the error of `{}` (p = {}): the force may follow another law",
-        a.judged_on,
-        a.error_ratio,
-        a.effect,
-        digits(a.p_value, 1)
-    )
-}
-
-/// Why an effect is not named although it lowers the error.
-pub(crate) fn refuted(a: &AgainstLaw) -> String {
-    format!(
-        "; `{}` is not named, because in {} a law beyond the catalogue leaves {:.2} times as much error (p = {})",
-        a.effect,
-        a.judged_on,
-        a.error_ratio,
-        digits(a.p_value, 1)
     )
 }
 
@@ -462,7 +291,7 @@ pub(crate) fn advice(d: &Discovery, effects: &[&dyn Effect]) -> Vec<String> {
                 }));
             }
         }
-        Verdict::NotDetectable if d.candidates.iter().all(|c| c.placebo) => {}
+        Verdict::NotDetectable if d.candidates.is_empty() => {}
         Verdict::NotDetectable => {
             out.push(record_more(d).unwrap_or_else(|| "record more flights, better in more trials".to_owned()));
         }

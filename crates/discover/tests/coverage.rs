@@ -62,7 +62,10 @@ fn one(truth: &common::Truth, (key, size, set): Drag, seed: u64) -> Option<Vec<E
         rounds: 1,
         ..DiscoverOptions::default()
     };
-    let mut session = Session::new(&body, &scene, &trials, &WeakOptions::default()).unwrap();
+    let mut session = Session::new(&body, &scene, &trials, &WeakOptions::default())
+        .unwrap()
+        .with_white_noise(&body, &trials, &WeakOptions::default())
+        .unwrap();
     let mut choice = EffectInstance::parse(key, &scene).unwrap();
     for (name, value) in set {
         choice.set(&scene, name, *value).unwrap();

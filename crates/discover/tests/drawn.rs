@@ -8,6 +8,8 @@ mod common;
 use aloft_discover::*;
 use aloft_effects::{EffectInstance, FormulaEffect, Target};
 use aloft_regressor::WeakOptions;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 const DRAWS: usize = 8;
 /// 97.5 % point of Student's t with as many degrees of freedom as draws.
@@ -49,7 +51,10 @@ fn find(law: Option<&FormulaEffect>, effect: Option<(&str, &[f64])>, drawn: Opti
         session_time_s: 0.0,
     }];
     let scene = scene_of(&body, &trials);
-    let mut session = Session::new(&body, &scene, &trials, &WeakOptions::default()).unwrap();
+    let mut session = Session::new(&body, &scene, &trials, &WeakOptions::default())
+        .unwrap()
+        .with_white_noise(&body, &trials, &WeakOptions::default())
+        .unwrap();
     let quick = DiscoverOptions { null_draws: 60, rounds: 1, ..DiscoverOptions::default() };
     let closed = DiscoverOptions { closed: true, only: vec!["gravity_scale".to_owned()], ..quick.clone() };
     let floor = discover(&session, &catalogue(), &[], &closed).unwrap().held_out_error;
@@ -72,8 +77,14 @@ fn find(law: Option<&FormulaEffect>, effect: Option<(&str, &[f64])>, drawn: Opti
     let centres: Vec<usize> = stretches.iter().flat_map(|s| s.first_frame..s.end_frame).collect();
     let in_flight = vec![true; centres.len()];
     if let Some(drawn) = drawn {
-        let of_draw = |f: &f64| (0..6 * centres.len()).map(|i| if i % 6 == 0 { *f as f32 } else { 0.0 }).collect();
-        let errors: Vec<Vec<f32>> = drawn.force_x_n.iter().map(of_draw).collect();
+        // beside noise of the size of the floor
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut noise = |i: usize| rng.random_range(-0.5..0.5) * floor * if i % 6 < 3 { 1.0 } else { 0.1 };
+        let mut of_draw = |f: &f64| {
+            let row = |i: usize| (noise(i) + if i.is_multiple_of(6) { *f } else { 0.0 }) as f32;
+            (0..6 * centres.len()).map(row).collect()
+        };
+        let errors: Vec<Vec<f32>> = drawn.force_x_n.iter().map(&mut of_draw).collect();
         let nv = truth.model.nv;
         let of_joint = |z: &f64| (0..nv).map(|k| if k + 1 == nv { *z as f32 } else { 0.0 }).collect();
         let zeros: Vec<Vec<f32>> = drawn.zero_rad.iter().map(of_joint).collect();
@@ -108,12 +119,8 @@ fn a_force_that_all_draws_share_is_in_the_interval_of_a_tilt() {
     let expected = T975 * root_mean_square(&forces) / mass_kg;
     assert!(half(&plain[0]) < 0.5 * expected, "{} {expected}", half(&plain[0]));
     assert!((half(&wider[0]) / expected - 1.0).abs() < 0.1, "{} {expected}", half(&wider[0]));
-    // the model gives the interval that is as wide
-    let grows = wider[0].widening / plain[0].widening;
-    assert!((grows / (half(&wider[0]) / half(&plain[0])) - 1.0).abs() < 1e-6, "{grows}");
-    // a force along x is no tilt along y, and values do not change
-    assert!(half(&wider[1]) < 1.05 * half(&plain[1]));
-    assert!(plain.iter().zip(&wider).all(|(a, b)| a.value.to_bits() == b.value.to_bits()));
+    // a force along x is no tilt along y
+    assert!(half(&wider[1]) < 0.5 * half(&wider[0]), "{} {}", half(&wider[1]), half(&wider[0]));
 }
 
 #[test]
@@ -137,20 +144,4 @@ fn an_uncertain_zero_of_a_joint_is_in_the_interval_of_a_switch_by_its_angle() {
     let expected = T975 * root_mean_square(&zeros);
     assert!((plain.value - 0.1).abs() < half(&plain) && half(&plain) < 0.3 * expected, "{plain:?}");
     assert!((half(&wider) / expected - 1.0).abs() < 0.15, "{} {expected}", half(&wider));
-}
-
-/// A small force that keeps its direction may be a wind: what the draws change in the force they
-/// change in the wind.
-#[test]
-fn what_all_draws_share_is_in_the_intervals_of_effects_that_are_named_beside_the_one_found() {
-    let forces = [0.04, -0.02, 0.01, -0.05, 0.03, 0.0, -0.03, 0.02];
-    let wind = |drawn: Option<&Drawn>| {
-        let (d, _) = find(None, Some(("constant_force[link0]", &[0.012, 0.0, 0.0])), drawn);
-        let named = d.verdict == Verdict::OneOf && d.effects.contains(&"wind".to_owned());
-        assert!(named && d.found.iter().all(|f| f.effect != "wind"), "the test has lost its case: {}", d.words);
-        d.candidates.into_iter().find(|c| c.effect == "wind").unwrap().coefficients.remove(0)
-    };
-    let (plain, wider) = (wind(None), wind(Some(&Drawn { force_x_n: forces, ..Drawn::default() })));
-    assert_eq!(plain.value.to_bits(), wider.value.to_bits());
-    assert!(half(&wider) > 2.0 * half(&plain), "{} {}", half(&plain), half(&wider));
 }

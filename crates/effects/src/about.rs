@@ -143,9 +143,10 @@ pub struct About<'a> {
     /// Changes the inertia that tables give to a link, in all recordings: part of the body where
     /// there are no tables, and beside a prior from tables its column is the body's own.
     pub of_tables: bool,
-    /// True if it is the same in every trial of a person and of unknown size in all of them
-    /// (linear, coefficients in one unit): the intervals of other effects include it.
-    pub repeats: bool,
+    /// Standard deviation that its coefficients (linear, all in one unit) have in ordinary
+    /// recordings of a person, the same in every trial: the intervals and the evidence of other
+    /// effects include it. Zero for an effect that ordinary recordings do not have.
+    pub usual_sd: f64,
     /// True if it depends on the time of a recording in the session.
     pub uses_session_time: bool,
     /// True if free fall in flights alone, without plates or a model, reveals the errors of time,
@@ -185,7 +186,7 @@ impl About<'_> {
         told_from: &[],
         by_group: false,
         of_tables: false,
-        repeats: false,
+        usual_sd: 0.0,
         uses_session_time: false,
         shows_in_free_fall: false,
         shows_unloaded: false,

@@ -165,20 +165,11 @@ fn answer(
             number(e.residual_before),
             number(e.residual_after)
         )));
-    } else if let Some(r) = d.rounds.first() {
-        blocks.push(Block::text(format!(
-            "Judged {} on {} groups of rows (recordings, or flights where recordings are few), each held out in turn. With the signs of the \
-             residuals flipped at random, the best ratio of the whole catalogue was {}; the acceptance limit is {}.",
-            if r.judged_on == "flight" { "in flight" } else { "in contact" },
-            r.clusters,
-            aloft_analysis::verdict::chance_of(r),
-            number(r.threshold)
-        )));
     }
     if d.rounds.len() > 1 {
         let items = d.rounds.iter().enumerate().map(|(i, r)| {
             let with = if r.model.is_empty() { "plain".to_owned() } else { format!("with {}", r.model.join(", ")) };
-            format!("Round {} ({}, {with}): {}", i + 1, r.judged_on, r.words)
+            format!("Question {} ({with}): {}", i + 1, r.words)
         });
         blocks.push(Block::List { items: items.collect() });
     }

@@ -165,17 +165,15 @@ fn evidence(story: &Story<'_>, d: &Discovery, first: Option<&PlaceError>) -> Opt
     }
     // candidates of flights and of contact leave shares of different errors
     let place = first.map(|f| f.place.as_str());
-    let of = |c: &&Candidate| !c.placebo && c.held_out_ratio.is_finite() && Some(c.judged_on.as_str()) == place;
+    let of = |c: &&Candidate| c.held_out_ratio.is_finite() && Some(c.judged_on.as_str()) == place;
     let best = d.candidates.iter().filter(of).min_by(|a, b| a.held_out_ratio.total_cmp(&b.held_out_ratio))?;
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
     let falls =
         format!("{} % ({} to {} %)", percent(best.held_out_ratio), percent(best.ci95[0]), percent(best.ci95[1]));
-    let needed = match best.accepted_below {
-        limit if limit > best.held_out_ratio => "; the interval is too wide to name it".to_owned(),
-        limit if limit > 0.0 => format!("; to be named it would have to leave less than {} %", percent(limit)),
-        _ => String::new(),
-    };
-    Some(format!("The best effect, `{}`, leaves {falls} of the error in {}{needed}.", best.key, best.judged_on))
+    let odds = best.evidence.map_or(String::new(), |e| {
+        format!("; its odds are {}, and to be named it needs 20 to 1", aloft_discover::odds(e.sure()))
+    });
+    Some(format!("The best effect, `{}`, leaves {falls} of the error in {}{odds}.", best.key, best.judged_on))
 }
 
 /// Error that the stages found with all effects of the last discovery in the model, where the model

@@ -72,10 +72,10 @@ fn key(variant: &impl serde::Serialize) -> String {
 fn asked(session: &SubjectSession) -> Result<Value, PipelineError> {
     let asked = Asked::read(session)?;
     let Some(d) = &asked.found else { return Ok(Value::Null) };
-    let about = d.candidates.iter().filter(|c| !c.placebo).map(|c| {
+    let about = d.candidates.iter().map(|c| {
         json!({
             "key": c.key, "held_out_ratio": finite(c.held_out_ratio), "ci95": c.ci95.map(finite),
-            "believed": c.believed, "judged_on": c.judged_on, "family_wise_p": finite(c.family_wise_p),
+            "believed": c.believed, "judged_on": c.judged_on, "probability": c.evidence.and_then(|e| finite(e.probability)),
         })
     });
     // sizes and intervals stand beside the switches

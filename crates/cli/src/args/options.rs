@@ -2,7 +2,7 @@
 
 use super::values::seconds;
 use super::{AnglesArg, ByArg, PipelineArgs, RowsArg, StrictArgs};
-use clap::{Args, ValueEnum};
+use clap::Args;
 use std::path::PathBuf;
 
 /// What `aloft run` runs.
@@ -115,10 +115,6 @@ pub struct DiscoverArgs {
     /// Rank the catalogue only: no search for laws beyond it.
     #[arg(long)]
     pub closed: bool,
-    /// How effects are judged: `rounds` (held-out errors, flight and contact apart) or `evidence`
-    /// (one likelihood over both; no laws beyond the catalogue yet).
-    #[arg(long, value_enum, default_value_t, value_name = "METHOD")]
-    pub method: MethodArg,
     /// Time for the search, s (`10` or `10s`): the search for laws beyond the catalogue then
     /// begins nothing new, and the answer says that more time may find more.
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
@@ -137,25 +133,6 @@ pub struct DiscoverArgs {
     /// Machine-readable output.
     #[arg(long)]
     pub json: bool,
-}
-
-/// How effects are judged.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum MethodArg {
-    /// Held-out errors in rounds.
-    #[default]
-    Rounds,
-    /// One marginal likelihood.
-    Evidence,
-}
-
-impl From<MethodArg> for aloft_discover::Method {
-    fn from(method: MethodArg) -> Self {
-        match method {
-            MethodArg::Rounds => Self::Rounds,
-            MethodArg::Evidence => Self::Evidence,
-        }
-    }
 }
 
 /// What `aloft export` writes.

@@ -67,8 +67,7 @@ pub fn compare(args: CompareArgs) -> Result<Success, Stop> {
 
 /// Says which effect is missing.
 pub fn discover(args: DiscoverArgs) -> Result<Success, Stop> {
-    let DiscoverArgs { pipeline, strict, only, without, closed, method, budget, self_test, again, details, json } =
-        args;
+    let DiscoverArgs { pipeline, strict, only, without, closed, budget, self_test, again, details, json } = args;
     if self_test {
         let options = discover::options(only, without, true, None);
         let ask = |session: &SubjectSession| {
@@ -77,8 +76,7 @@ pub fn discover(args: DiscoverArgs) -> Result<Success, Stop> {
         };
         return each_result(&pipeline, strict, json, &[], ask, |found| findings::self_test(&found.self_test));
     }
-    let mut options = discover::options(only, without, closed, budget);
-    options.method = method.into();
+    let options = discover::options(only, without, closed, budget);
     let ask = |session: &SubjectSession| {
         if let Some(before) = asked_before::answered(session, &options).filter(|_| !again) {
             note(format!(

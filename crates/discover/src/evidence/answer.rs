@@ -1,21 +1,26 @@
 //! What is said, from evidence.
 
+use super::beyond::look;
+use super::explanation::Explanation;
 use super::posterior::EffectPosterior;
-use super::priors::{NOISE_FREEDOM, ODDS};
+use super::priors::{IDEALISED, NOISE_FREEDOM, ODDS};
 use super::search::{Asked, Search, search};
+use super::sizes::predicts_as_well;
 use crate::DiscoverError;
-use crate::candidate::Scored;
-use crate::held_out::{HeldOutResult, LACK_OF_FIT};
-use crate::judge::plausible;
-use crate::ladder::{estimates, group_names, key_of};
+use crate::addition::addition;
+use crate::by_stages::Staged;
+use crate::candidate::{Scored, Variant};
+use crate::held_out::HeldOutResult;
+use crate::ladder::{estimates, extra_columns, group_names, key_of};
 use crate::not_tried::not_tried;
 use crate::options::DiscoverOptions;
-use crate::problem::Domain;
+use crate::plausible::plausible;
+use crate::problem::{Domain, Problem};
+use crate::repeating::widen;
 use crate::result::{
-    Alternative, Candidate, CandidateEvidence, Discovery, FEWEST_CLUSTERS, Found, Group, Round, SessionEvidence,
-    Verdict,
+    Addition, Alternative, Candidate, CandidateEvidence, Discovery, FEWEST_CLUSTERS, Found, Group, Round,
+    SessionEvidence, Verdict,
 };
-use crate::round::wanted;
 use crate::session::Session;
 use crate::statistics::{ratio_interval, resamples};
 use crate::wording;
@@ -42,7 +47,7 @@ pub(crate) fn by_evidence(
     accepted: &[EffectInstance<'_>],
     options: &DiscoverOptions,
 ) -> Result<Discovery, DiscoverError> {
-    session.counter.expect(2 * effects.iter().filter(|e| wanted(**e, options)).count());
+    session.counter.expect(2 * effects.iter().filter(|e| options.asks_for(**e)).count());
     let Some(made) = search(session, effects, accepted, options)? else {
         return Err(DiscoverError::TooFew {
             what: "draws of the recordings' errors (`aloft compare`)",
@@ -51,30 +56,43 @@ pub(crate) fn by_evidence(
         });
     };
     let has_flights = session.blocks.iter().any(|b| b.kind != StretchKind::Contact);
-    let place = usize::from(!has_flights);
-    let domain = wording::domain([Domain::Flight, Domain::Contact][place]);
-    let rounds: Vec<Round> = made.asked.iter().map(|a| round(session, a, domain, options)).collect();
     let mut found = made.found.clone();
-    let computed = session.by_stages.with(&found);
-    if let Some(staged) = &computed {
-        staged.restate(&mut found);
-    }
+    widen_all(session, accepted, &made, &mut found, options);
+    let computed = by_stages(session, &made, &mut found);
     for (f, asked) in found.iter_mut().zip(&made.asked) {
         f.also_on = other_links(session, f, asked);
     }
-    let before = session.model_error[place];
+    // errors of the plates are judged where the plates measure
+    let in_flight = has_flights && (made.kept.is_empty() || made.kept.iter().any(Explanation::acts_in_flight));
+    let place = usize::from(!in_flight);
+    let domain = wording::domain([Domain::Flight, Domain::Contact][place]);
+    let rounds: Vec<Round> = made.asked.iter().map(|a| round(session, a, domain, options)).collect();
     let share = made.left / made.asked.first().map_or(f64::NAN, |a| a.left);
-    let estimated = before.map(|b| HeldOutResult { held_out_error: b.held_out_error * share, ..b });
-    let by_parameters = before.and_then(|b| b.by_parameters);
-    let staged = computed.as_ref().and_then(|c| c.errors[place]).map(|s| HeldOutResult { by_parameters, ..s });
-    let after = if found.is_empty() { before } else { staged.or(estimated) };
+    let errors = [0, 1].map(|i| {
+        let before = session.model_error[i]?;
+        let staged = computed.as_ref().and_then(|c| c.errors[i]);
+        let estimated = HeldOutResult { held_out_error: before.held_out_error * share, ..before };
+        match staged {
+            Some(staged) => Some(HeldOutResult { by_parameters: before.by_parameters, ..staged }),
+            None if found.is_empty() => Some(before),
+            None => Some(estimated).filter(|_| i == place),
+        }
+    });
+    let before = session.model_error[place];
+    let (after, by_parameters) = (errors[place], before.and_then(|b| b.by_parameters));
     let groups: Vec<Group> = made.asked.iter().filter(|a| !a.named.is_empty()).map(|a| group(&a.named)).collect();
     let elsewhere = session.model_error[1 - place].filter(|_| found.is_empty());
-    let verdict = verdict(&made, &groups, [before, after], elsewhere);
+    let verdict = verdict(&made, &groups, before, elsewhere);
     let named = matches!(verdict, Verdict::Supported | Verdict::OneOf);
     let groups = if named { groups } else { Vec::new() };
     let weight = session.unit[0];
-    let error = |e: Option<HeldOutResult>| e.map_or(f64::NAN, |e| e.held_out_error);
+    // without a comparison the rows alone say how large the error is
+    let of_rows = |share: f64| match before {
+        Some(_) => f64::NAN,
+        None => share * held_out_by_rows(session, accepted, [Domain::Flight, Domain::Contact][place], options),
+    };
+    let [error_before, error_after] =
+        [(before, 1.0), (after, share)].map(|(e, share)| e.map_or_else(|| of_rows(share), |e| e.held_out_error));
     let mut named_effects: Vec<String> = Vec::new();
     for id in groups.iter().flat_map(|g| &g.effects) {
         if !named_effects.contains(id) {
@@ -90,23 +108,22 @@ pub(crate) fn by_evidence(
         noise_floor: before.map_or(f64::NAN, |s| s.noise_floor),
         noise_floor_ci95: before.and_then(|s| s.noise_floor_ci95),
         error_by_parameters: by_parameters,
-        held_out_error: error(before),
-        held_out_error_after: error(after),
-        held_out_error_of_weight: error(before) / weight,
+        held_out_error: error_before,
+        held_out_error_after: error_after,
+        held_out_error_of_weight: error_before / weight,
         candidates: rounds.first().map(|r| r.candidates.clone()).unwrap_or_default(),
         rounds,
-        ladder: Vec::new(),
+        ladder: steps(session, accepted, &made, &found, options),
         found,
         advice: Vec::new(),
         warnings: session.warnings.clone(),
         failed: session.failed().into_iter().collect(),
         not_tried: effects
             .iter()
-            .filter(|e| wanted(**e, options) && !e.acts().in_joints())
+            .filter(|e| options.asks_for(**e) && !e.acts().in_joints())
             .filter_map(|e| not_tried(session, *e, Domain::Both))
             .collect(),
-        misfit: None,
-        against: None,
+        misfit: made.misfit.clone(),
         open: None,
         to_correct: None,
         joints: None,
@@ -116,16 +133,91 @@ pub(crate) fn by_evidence(
             nothing: made.asked.first().map_or(f64::NAN, |a| a.posterior.nothing),
         }),
     };
-    out.words = words(&out, before);
+    out.words = words(&out, before, errors);
+    if out.verdict == Verdict::Unexplained && has_flights && !options.closed && options.only.is_empty() {
+        look(session, effects, accepted, &made, options, &mut out);
+    }
     out.advice = wording::advice(&out, effects);
+    if !has_flights {
+        let untried = effects.iter().filter(|e| options.asks_for(**e) && e.acts().in_flight() && !e.acts().in_joints());
+        out.warnings.push(wording::no_flights(untried.count()));
+    }
     Ok(out)
+}
+
+/// Widens the intervals of what was found by errors that are the same in all recordings.
+fn widen_all(
+    session: &Session<'_>,
+    accepted: &[EffectInstance<'_>],
+    made: &Search<'_>,
+    found: &mut [Found],
+    options: &DiscoverOptions,
+) {
+    let kept: Vec<Variant<'_>> = made.kept.iter().map(|k| k.variant.clone()).collect();
+    let of = |v: &[Variant<'_>]| extra_columns(session, Domain::Both, accepted, v, &[]);
+    for (i, f) in found.iter_mut().enumerate() {
+        let mut others = kept.clone();
+        let own = others.remove(i);
+        let estimates = (&mut f.coefficients[..], &mut f.nonlinear[..]);
+        widen(session, Domain::Both, &of(&others), &of(&kept), &own, estimates, &|_| None, options);
+    }
+}
+
+/// The model with what was found, computed by all stages: with sizes from flights and contact where
+/// these predict as well. The estimates become those of the model.
+fn by_stages(session: &Session<'_>, made: &Search<'_>, found: &mut Vec<Found>) -> Option<Staged> {
+    let mut computed = session.by_stages.with(found)?;
+    let always = |k: &Explanation<'_>| k.acts_in_flight() && k.variant.effect.acts().in_contact();
+    let mut sized = found.clone();
+    sized.iter_mut().zip(&made.kept).for_each(|(f, k)| f.sized_with_contact = always(k));
+    if computed.errors[1].is_some()
+        && sized.iter().any(|f| f.sized_with_contact)
+        && let Some(both) = session.by_stages.with(&sized)
+        && predicts_as_well(computed.errors, both.errors)
+    {
+        (*found, computed) = (sized, both);
+    }
+    computed.restate(found);
+    Some(computed)
+}
+
+/// What each effect found adds to the model that holds those before it.
+fn steps<'e>(
+    session: &Session<'_>,
+    accepted: &[EffectInstance<'e>],
+    made: &Search<'e>,
+    found: &[Found],
+    options: &DiscoverOptions,
+) -> Vec<Addition> {
+    let mut model: Vec<EffectInstance<'e>> = accepted.to_vec();
+    let mut steps = Vec::new();
+    for (Explanation { variant, .. }, f) in made.kept.iter().zip(found) {
+        let nonlinear = f.nonlinear.iter().map(|e| e.value).collect();
+        let (effect, target) = (variant.effect, variant.target);
+        let choice = EffectInstance { effect, target, nonlinear, trials: f.trials.clone() };
+        steps.extend(session.or_named(addition(session, &model, &choice, options)));
+        model.push(choice);
+    }
+    steps
+}
+
+/// Held-out error of the model on the rows alone, N.
+fn held_out_by_rows(
+    session: &Session<'_>,
+    accepted: &[EffectInstance<'_>],
+    domain: Domain,
+    options: &DiscoverOptions,
+) -> f64 {
+    let extra = extra_columns(session, domain, accepted, &[], &[]);
+    let problem = Problem::if_possible(session, domain, &extra, options);
+    problem.map_or(f64::NAN, |p| p.plain().sqrt() * session.unit[0])
 }
 
 /// The verdict, from the evidence and from how the error stands to its floor.
 fn verdict(
     made: &Search<'_>,
     groups: &[Group],
-    [before, after]: [Option<HeldOutResult>; 2],
+    before: Option<HeldOutResult>,
     elsewhere: Option<HeldOutResult>,
 ) -> Verdict {
     // nothing is missing only where flight and contact both are at their floors
@@ -136,11 +228,8 @@ fn verdict(
     let above_noise = made.left > most_by_noise();
     if !groups.is_empty() && !few {
         // what was found is a part of what is missing
-        let too_much = match before.zip(after) {
-            Some((before, after)) => above_noise && (after.is_far() || before.share_left(&after) > LACK_OF_FIT),
-            None => above_noise,
-        };
-        if too_much {
+        let [left, at_first] = [made.left, made.asked.first().map_or(f64::NAN, |a| a.left)].map(|x| x * x - 1.0);
+        if made.misfit.is_some() || above_noise && left > IDEALISED * at_first {
             return Verdict::Unexplained;
         }
         let alone = groups.iter().all(Group::is_sure);
@@ -148,9 +237,9 @@ fn verdict(
     }
     match before {
         Some(b) if b.is_above() => Verdict::Unexplained,
-        Some(b) if few || b.is_undecided() || b.is_between() => Verdict::NotDetectable,
+        Some(b) if few || b.is_below() || b.is_undecided() || b.is_between() => Verdict::NotDetectable,
         None if above_noise => Verdict::Unexplained,
-        _ if few => Verdict::NotDetectable,
+        _ if few || made.asked.first().is_none_or(|a| a.scored.is_empty()) => Verdict::NotDetectable,
         _ => Verdict::NothingMissing,
     }
 }
@@ -174,17 +263,11 @@ fn round(session: &Session<'_>, asked: &Asked<'_>, domain: &str, options: &Disco
         judged_on: domain.to_owned(),
         model: asked.model.clone(),
         held_out_error: asked.left * session.unit[0],
-        held_out_parts: [f64::NAN; 2],
-        threshold: f64::NAN,
-        null_quantiles: [f64::NAN; 3],
         clusters: asked.clusters,
         verdict,
         effects: asked.named.clone(),
-        joined: asked.named.first().cloned().into_iter().collect(),
         missing: usize::from(!asked.named.is_empty()),
-        superseded: false,
-        words: wording::by_evidence(verdict, &asked.named, &candidates, few),
-        rival_tests: Vec::new(),
+        words: wording::beside(&asked.model, &wording::by_evidence(verdict, &asked.named, &candidates, few)),
         candidates,
     }
 }
@@ -215,18 +298,13 @@ fn candidate(
         class: effect.about().class.to_owned(),
         judged_on: domain.to_owned(),
         held_out_ratio: (error / plain).sqrt(),
-        accepted_below: 0.0,
         ci95: ratio_interval(&scored.fold_error, &asked.plain, weights),
-        chosen_share: of.probability,
-        family_wise_p: f64::NAN,
         minimum_detectable: detectable(asked, scored, of),
         plausible: plausible(scored, &coefficients),
         coefficients,
         nonlinear,
         trials: group_names(session, scored),
-        confused_with: Vec::new(),
         believed: asked.named.iter().any(|n| n == effect.id()),
-        placebo: false,
         alternatives: of
             .explanations
             .iter()
@@ -288,34 +366,25 @@ fn other_links(session: &Session<'_>, found: &Found, asked: &Asked<'_>) -> Vec<S
     out
 }
 
-fn words(d: &Discovery, before: Option<HeldOutResult>) -> String {
-    let Some(e) = &d.evidence else { return String::new() };
-    let noise = |x: f64| format!("{x:.2} times the noise");
-    let said: Vec<&str> = d
-        .rounds
-        .iter()
-        .filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf))
-        .map(|r| r.words.as_str())
-        .collect();
-    match d.verdict {
-        Verdict::Supported | Verdict::OneOf => {
-            format!(
-                "{}; {} remains, without {}",
-                said.join("; then "),
-                noise(e.residual_after),
-                noise(e.residual_before)
-            )
-        }
-        Verdict::NothingMissing => {
-            format!("nothing missing: the model leaves {}, and no effect has odds of 20 to 1", noise(e.residual_before))
-        }
-        Verdict::NotDetectable => match before {
-            Some(s) if s.is_undecided() => wording::undecided(d, &s),
-            _ => wording::by_evidence(d.verdict, &[], &d.candidates, true),
+/// The answer in words; `errors` are those of flight and contact with what was found, where they
+/// are judged.
+fn words(d: &Discovery, before: Option<HeldOutResult>, errors: [Option<HeldOutResult>; 2]) -> String {
+    let places = [Domain::Flight, Domain::Contact];
+    let judged = || places.into_iter().zip(errors).filter_map(|(place, e)| Some((place, e?)));
+    let times =
+        |a: &(Domain, HeldOutResult), b: &(Domain, HeldOutResult)| a.1.times_floor().total_cmp(&b.1.times_floor());
+    match (d.verdict, before) {
+        (Verdict::Unexplained, _) if d.misfit.is_some() => wording::of_another_form(d),
+        (Verdict::Unexplained, _) => match judged().max_by(times) {
+            Some((place, e)) => wording::unexplained(d, wording::domain(place), &e),
+            None => format!("unexplained; {}", wording::answer(d)),
         },
-        Verdict::Unexplained => {
-            let part = if said.is_empty() { String::new() } else { format!("; part of it: {}", said.join("; then ")) };
-            format!("unexplained: {} remains, and the held-out error is above its floor{part}", noise(e.residual_after))
-        }
+        (Verdict::NotDetectable, Some(e)) if e.is_below() => wording::below(&e),
+        (Verdict::NotDetectable, Some(e)) if e.is_undecided() => wording::undecided(d, &e),
+        (Verdict::NotDetectable, _) => match judged().filter(|(_, e)| e.is_between()).max_by(times) {
+            Some((place, e)) => wording::between(d, place, &e),
+            None => wording::answer(d),
+        },
+        _ => wording::answer(d),
     }
 }

@@ -10,19 +10,35 @@
 use crate::candidate::Scored;
 use crate::problem::Problem;
 
-/// Logarithm of the odds for a mean gain above zero; of recordings in which the explanation acts.
+/// Logarithm of the odds for a mean gain above zero; of recordings in which the explanation acts,
+/// less what it costs to choose these among all. A load is something that some recordings carry,
+/// and pays for no choice.
 pub(super) fn ln_odds_by_recording(problem: &Problem, scored: &Scored<'_>) -> f64 {
     let group = &scored.variant.group;
+    let chosen = !group.is_empty() && !scored.variant.effect.about().by_group;
+    let cost = if chosen { ln_choices(problem, group) } else { 0.0 };
     let acts = |g: usize| group.is_empty() || group[problem.clusters[g].trial];
     let gains: Vec<f64> = (0..problem.folds.len())
         .filter(|&g| acts(g) && !problem.clusters[g].judged.is_empty())
         .map(|g| (problem.folds[g].error / scored.fold_error[g]).ln())
         .filter(|gain| gain.is_finite())
         .collect();
-    ln_odds(&gains)
+    ln_odds(&gains) - cost
 }
 
-fn ln_odds(gains: &[f64]) -> f64 {
+/// Logarithm of the number of sets of as many recordings as `group` has, and of the sizes that a
+/// set can have: the prior of a set of recordings.
+pub(super) fn ln_choices(problem: &Problem, group: &[bool]) -> f64 {
+    let mut trials: Vec<usize> = problem.clusters.iter().map(|c| c.trial).collect();
+    trials.sort_unstable();
+    trials.dedup();
+    let (n, k) = (trials.len(), trials.iter().filter(|t| group[**t]).count());
+    let ways: f64 = (0..k).map(|i| ((n - i) as f64 / (i + 1) as f64).ln()).sum();
+    ways + (n.max(2) as f64 - 1.0).ln()
+}
+
+/// Logarithm of the odds for a mean above zero.
+pub(super) fn ln_odds(gains: &[f64]) -> f64 {
     let n = gains.len() as f64;
     if gains.len() < 2 {
         return f64::NEG_INFINITY;

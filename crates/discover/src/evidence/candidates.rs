@@ -1,100 +1,77 @@
 //! Which explanations are tried on these recordings, each at the optimum of its unknowns.
 
+use super::by_recording::ln_choices;
+use super::explanation::Explanation;
 use super::model::Model;
-use super::priors::{FAR_BEHIND, STEPS, TO_THE_END};
+use super::posterior::EffectPosterior;
+use super::priors::{FAR_BEHIND, SHARE, STEPS, TO_THE_END};
+use super::starts::starts;
 use crate::candidate::{Variant, solve};
 use crate::nonlinear::{columns_and_slopes, improve};
 use crate::options::DiscoverOptions;
-use crate::rank::screen;
-use crate::round::wanted;
-use aloft_effects::{Effect, Target};
+use aloft_effects::Effect;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-/// An effect on a target in some or all recordings, at the optimum of its unknowns.
-#[derive(Clone)]
-pub(super) struct Explanation<'a> {
-    pub variant: Variant<'a>,
-    pub theta: DVector<f64>,
-    /// Sum of squares that it leaves.
-    pub left: f64,
-    /// Logarithm of its marginal likelihood, the same constant left out as for "nothing"; without
-    /// what it costs to choose its effect and target among others.
-    pub ln_likelihood: f64,
-}
-
-impl Explanation<'_> {
-    /// Effect and target.
-    pub fn place(&self) -> (&str, Target) {
-        (self.variant.effect.id(), self.variant.target)
-    }
-
-    /// True if another one would only describe this one once more: the same effect on the same
-    /// target, on a body of one target, or one of its other names there.
-    pub fn is_alike(&self, other: &Self) -> bool {
-        let (own, its) = (self.variant.effect, other.variant.effect);
-        let of_a_part = matches!(self.variant.target, Target::Link(_) | Target::Plate(_));
-        let same = own.id() == its.id() && !(of_a_part && self.variant.target != other.variant.target);
-        let wider = its.about().contains.contains(&own.id());
-        let narrower = own.about().contains.contains(&its.id()) && self.variant.target == other.variant.target;
-        same || wider || narrower || (own.about().aliases.contains(&its.id()) && self.variant.target == Target::Body)
-    }
-}
-
-/// Explanations by effects and targets; an effect that cannot act here has none.
+/// Explanations by effects and targets; an effect that cannot act here has none. What is far behind
+/// the best of all is not fitted further: it would hold no probability. Fits begin where those of
+/// `before` ended, if there are any.
 pub(super) fn explanations<'a>(
     model: &Model<'_>,
     effects: &[&'a dyn Effect],
+    before: Option<&[EffectPosterior<'a>]>,
     options: &DiscoverOptions,
 ) -> Vec<Vec<Explanation<'a>>> {
-    let tried = effects.iter().filter(|e| wanted(**e, options) && !e.acts().in_joints());
-    tried
-        .map(|effect| {
-            let found = of_effect(model, *effect);
-            model.session.counter.one();
-            found
-        })
-        .filter(|found| !found.is_empty())
-        .collect()
-}
-
-fn of_effect<'a>(model: &Model<'_>, effect: &'a dyn Effect) -> Vec<Explanation<'a>> {
     let Model { session, problem, likelihood, .. } = model;
-    let targets = effect.targets(session.scene());
-    let mut best: Vec<(Variant<'a>, f64)> = Vec::new();
-    for (variant, columns) in screen(session, problem, effect, &targets, None) {
-        let (s, c) = problem.reduce_all(&columns);
-        let gain = solve(&s, &c, &variant.coefficients).1;
-        match best.iter_mut().find(|(of, _)| of.target == variant.target) {
-            Some(so_far) if gain > so_far.1 => *so_far = (variant, gain),
-            Some(_) => {}
-            None => best.push((variant, gain)),
-        }
-    }
-    // a few steps for every target, more for those that may still matter
-    let further = |(variant, gain): (Variant<'a>, f64), steps: usize| {
-        let unknowns = !variant.effect.nonlinear(session.scene(), variant.target).is_empty();
-        let better = if unknowns && gain > 0.0 { improve(session, problem, &variant, steps) } else { None };
-        better.unwrap_or((variant, gain))
+    let tried: Vec<&'a dyn Effect> =
+        effects.iter().copied().filter(|e| options.asks_for(*e) && model.may_show(*e)).collect();
+    let begin = |effect: &&'a dyn Effect| {
+        let of = before.and_then(|all| all.iter().find(|e| e.is_of(*effect)));
+        let found = match of {
+            Some(of) => of.again(session, problem),
+            None => starts(model, *effect),
+        };
+        session.counter.one();
+        found
     };
+    let mut all: Vec<Vec<(Variant<'a>, f64)>> = tried.iter().map(begin).collect();
     let worth = |gain: f64| likelihood.of_squares(problem.rss - gain);
     let nothing = worth(0.0);
+    let most_of = |of: &[(Variant<'a>, f64)]| of.iter().map(|v| v.1).fold(0.0, f64::max);
     for (steps, share) in STEPS {
-        let most = best.iter().map(|v| v.1).fold(0.0, f64::max);
-        best.retain(|v| v.1 >= share * most || worth(v.1) > worth(most) - FAR_BEHIND);
-        // what its coefficients alone cost more than it gains is not fitted further
-        let may_matter = |v: &(Variant<'a>, f64)| {
-            steps == STEPS[0].0 || worth(v.1) - likelihood.of_coefficients(v.0.coefficients.len()) > nothing
+        let most = all.iter().map(|of| most_of(of)).fold(0.0, f64::max);
+        let near = |gain: f64, most: f64| gain >= share * most || worth(gain) > worth(most) - FAR_BEHIND;
+        for of in &mut all {
+            let own = most_of(of);
+            of.retain(|v| near(v.1, own));
+        }
+        // what its coefficients alone cost more than it gains is not fitted further, either
+        let may_matter = |(variant, gain): &(Variant<'a>, f64)| {
+            let cost = likelihood.of_coefficients(variant.coefficients.len());
+            near(*gain, most) && (steps == STEPS[0].0 || worth(*gain) - cost > nothing)
         };
-        best = best.into_par_iter().map(|v| if may_matter(&v) { further(v, steps) } else { v }).collect();
+        let further = |v: &mut (Variant<'a>, f64)| {
+            let unknowns = !v.0.effect.nonlinear(session.scene(), v.0.target).is_empty();
+            if unknowns
+                && v.1 > 0.0
+                && may_matter(v)
+                && let Some(better) = improve(session, problem, &v.0, steps)
+            {
+                *v = better;
+            }
+        };
+        all.par_iter_mut().flatten().for_each(further);
     }
-    best.into_par_iter()
-        .filter_map(|(variant, _)| explained(model, variant))
-        .flat_map(|everywhere| {
-            let in_some = in_some_recordings(model, &everywhere);
-            std::iter::once(everywhere).chain(in_some).collect::<Vec<_>>()
-        })
-        .collect()
+    let of_effect = |of: Vec<(Variant<'a>, f64)>| -> Vec<Explanation<'a>> {
+        of.into_par_iter().filter_map(|(variant, _)| explained(model, variant)).collect()
+    };
+    let mut all: Vec<Vec<Explanation<'a>>> = all.into_iter().map(of_effect).filter(|of| !of.is_empty()).collect();
+    let best = all.iter().flatten().map(|e| e.ln_likelihood).fold(nothing, f64::max);
+    for of in &mut all {
+        let in_some: Vec<_> = of.par_iter().filter_map(|e| in_some_recordings(model, e, best)).collect();
+        of.extend(in_some);
+    }
+    all
 }
 
 /// The evidence of a variant as it is, in the metric of the noise as identification has it: what it
@@ -131,7 +108,8 @@ pub(super) fn explained<'a>(model: &Model<'_>, variant: Variant<'a>) -> Option<E
 
 /// The same effect in some of the recordings, at any one cut through its sizes in each of them.
 /// There are `n − 1` such cuts and half of the probability is for "in all".
-fn in_some_recordings<'a>(model: &Model<'_>, everywhere: &Explanation<'a>) -> Option<Explanation<'a>> {
+/// `best` is the likeliest explanation so far.
+fn in_some_recordings<'a>(model: &Model<'_>, everywhere: &Explanation<'a>, best: f64) -> Option<Explanation<'a>> {
     let Model { session, problem, likelihood, .. } = model;
     let variant = &everywhere.variant;
     if !variant.group.is_empty() || !variant.effect.has_wrench() {
@@ -163,26 +141,22 @@ fn in_some_recordings<'a>(model: &Model<'_>, everywhere: &Explanation<'a>) -> Op
     };
     // in this direction, or what is below the others in the other
     let cuts = (1..order.len()).flat_map(|cut| [&order[..cut], &order[cut..]]);
-    let best = cuts.max_by(|a, b| gain(a).total_cmp(&gain(b)))?;
+    let chosen = cuts.max_by(|a, b| gain(a).total_cmp(&gain(b)))?;
     // set by set it has to be likelier than in all recordings before it is fitted to them
     let cost = likelihood.of_squares(everywhere.left) - everywhere.ln_likelihood;
-    let here = likelihood.of_squares(problem.rss - gain(best)) - cost - ln_choices(trials.len(), best.len());
-    if here < everywhere.ln_likelihood {
+    let mut group = vec![false; session.trials.len()];
+    chosen.iter().for_each(|&i| group[trials[i]] = true);
+    let of_choice = ln_choices(problem, &group);
+    let here = likelihood.of_squares(problem.rss - gain(chosen)) - cost - of_choice;
+    let reach = likelihood.of_squares(problem.rss) + SHARE * (best - likelihood.of_squares(problem.rss));
+    if here < everywhere.ln_likelihood || here < reach.min(best - FAR_BEHIND) {
         return None;
     }
-    let mut group = vec![false; session.trials.len()];
-    best.iter().for_each(|&i| group[trials[i]] = true);
     let some = Variant { group, ..variant.clone() };
     let some = improve(session, problem, &some, TO_THE_END).map_or(some, |better| better.0);
     let mut found = explained(model, some)?;
     // 2 (n - 1) sets that one order offers, of 2^n - 2: how many of them were tried does not matter
     // as much as how many there are with so many recordings
-    found.ln_likelihood -= ln_choices(trials.len(), best.len());
+    found.ln_likelihood -= of_choice;
     Some(found)
-}
-
-/// Logarithm of the number of sets of k of n recordings, and of the n − 1 sizes of such a set.
-fn ln_choices(n: usize, k: usize) -> f64 {
-    let ways: f64 = (0..k).map(|i| ((n - i) as f64 / (i + 1) as f64).ln()).sum();
-    ways + ((n - 1) as f64).ln()
 }

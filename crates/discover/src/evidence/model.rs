@@ -1,7 +1,7 @@
 //! The rows with the effects of a model in them: flights and contact together, in units of the
 //! noise.
 
-use super::candidates::Explanation;
+use super::explanation::Explanation;
 use super::likelihood::Likelihood;
 use super::noise::InNoiseUnits;
 use crate::DiscoverError;
@@ -12,7 +12,8 @@ use crate::problem::{Cluster, RowErrors};
 use crate::problem::{Domain, Problem};
 use crate::result::Found;
 use crate::session::Session;
-use aloft_effects::EffectInstance;
+use aloft_effects::{Effect, EffectInstance};
+use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, DVector};
 
 /// Half of what groups of columns differ by, by group and block; without those that one side lacks.
@@ -25,6 +26,8 @@ pub(super) struct Model<'a> {
     pub units: &'a InNoiseUnits<'a>,
     pub session: &'a Session<'a>,
     pub problem: Problem,
+    /// The rows of flights alone, which are fewer, if there are others.
+    pub flights: Option<Problem>,
     pub likelihood: Likelihood,
     /// What drawn errors of the motion change in the columns of the model's effects, by draw,
     /// group of columns and block.
@@ -50,18 +53,25 @@ impl<'a> Model<'a> {
         let free: usize = extra.iter().map(|e| e[0].ncols()).sum();
         let shared = units.shared[0].ncols();
         extra.push(units.shared.clone());
-        let problem = Problem::with_variance(session, Domain::Both, &extra, options.fewest_trials, 1.0, Some(1.0))?;
-        // the rows' columns have unit length: a coefficient of unit variance has that of the length
-        let mut ridge = problem.ridge.clone();
-        let first = ridge.len() - shared;
-        for c in 0..shared {
-            let square: f64 = units.shared.iter().map(|m| m.column(c).norm_squared()).sum();
-            ridge[first + c] = if square > 0.0 { square.recip() } else { 1.0 };
-        }
-        let problem = problem.with_ridge(ridge)?;
+        let of_domain = |domain| {
+            let problem = Problem::with_variance(session, domain, &extra, options.fewest_trials, 1.0, Some(1.0))?;
+            // columns have unit length: a coefficient of unit variance has that of the length
+            let mut ridge = problem.ridge.clone();
+            let first = ridge.len() - shared;
+            for c in 0..shared {
+                let square: f64 = units.shared.iter().map(|m| m.column(c).norm_squared()).sum();
+                ridge[first + c] = if square > 0.0 { square.recip() } else { 1.0 };
+            }
+            problem.with_ridge(ridge)
+        };
+        let problem = of_domain(Domain::Both)?;
+        let has = |contact: bool| {
+            session.blocks.iter().any(|b| b.y.nrows() > 0 && (b.kind == StretchKind::Contact) == contact)
+        };
+        let flights = if has(true) && has(false) { session.or_named(of_domain(Domain::Flight)) } else { None };
         let of_body = if session.prior.is_some() { 0 } else { session.blocks[0].y.ncols() - 1 };
         let likelihood = Likelihood { n: units.rows.saturating_sub(free + of_body) as f64 };
-        Ok(Self { units, session, problem, likelihood, errors })
+        Ok(Self { units, session, problem, flights, likelihood, errors })
     }
 
     /// What drawn errors of the motion change in the columns of a variant, and in the rows beside
@@ -102,6 +112,14 @@ impl<'a> Model<'a> {
             at += h;
         }
         out
+    }
+
+    /// True if these recordings can show an effect. Without flights errors of the plates and of the
+    /// stated mass alone: what acts in the air, too, cannot be told from them on the plates.
+    pub fn may_show(&self, effect: &dyn Effect) -> bool {
+        let acts = effect.acts();
+        let flights = self.session.blocks.iter().any(|b| b.kind != StretchKind::Contact);
+        !acts.in_joints() && (flights || !acts.in_flight())
     }
 
     /// Root mean square of what the model leaves, in units of the noise.

@@ -10,10 +10,12 @@
 //! prior.
 
 use super::priors::{LINKED, OWN, POOLED, SHARED};
-use crate::problem::given_mass;
+use crate::problem::{Domain, given_mass};
 use crate::session::{Block, Session, White};
+use aloft_effects::{EFFECTS, Effect, Target};
 use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use std::sync::Arc;
 
 /// A session in units of its noise.
@@ -120,12 +122,38 @@ impl<'a> Session<'a> {
             }
             shared.push(columns);
         }
+        if session.prior.is_some() {
+            session.usual_errors(&mut shared);
+        }
+        seen_directions(&mut shared);
         let errors = session.motion_errors()?;
         Some(InNoiseUnits { session, shared, rows, errors })
     }
 }
 
 impl Session<'_> {
+    /// Adds to `shared` the errors that ordinary recordings of a person have: skin that slides.
+    fn usual_errors(&self, shared: &mut [DMatrix<f64>]) {
+        let usual = EFFECTS.iter().filter(|e| e.about().usual_sd > 0.0);
+        let all: Vec<(&dyn Effect, Target)> =
+            usual.flat_map(|e| e.targets(self.scene).into_iter().map(|target| (*e, target))).collect();
+        let columns = |(effect, target): (&dyn Effect, Target)| {
+            let sd = effect.about().usual_sd;
+            let of = self.columns(effect, target, &[], Domain::Both)?;
+            Some(of.into_iter().map(|c| c * sd).collect::<Vec<_>>())
+        };
+        let all: Vec<Vec<DMatrix<f64>>> = all.into_par_iter().filter_map(columns).collect();
+        for (i, block) in shared.iter_mut().enumerate() {
+            let width = all.iter().map(|c| c[i].ncols()).sum::<usize>();
+            let mut at = block.ncols();
+            *block = std::mem::take(block).resize_horizontally(at + width, 0.0);
+            for columns in all.iter().map(|c| &c[i]) {
+                block.columns_mut(at, columns.ncols()).copy_from(columns);
+                at += columns.ncols();
+            }
+        }
+    }
+
     /// What drawn errors of the motion change in the rows, by draw and block.
     fn motion_errors(&self) -> Option<Vec<Vec<MotionError>>> {
         let p = self.blocks.first()?.y.ncols();
@@ -145,6 +173,17 @@ impl Session<'_> {
         };
         Some(self.disturbed.iter().map(of_pair).collect())
     }
+}
+
+/// Turns columns with coefficients of unit variance to their principal directions, and leaves out
+/// those that change all rows together by less than the noise of one of them.
+fn seen_directions(columns: &mut [DMatrix<f64>]) {
+    let Some(width) = columns.first().map(DMatrix::ncols).filter(|w| *w > 0) else { return };
+    let gram = columns.iter().fold(DMatrix::zeros(width, width), |sum, c| sum + c.tr_mul(c));
+    let eigen = gram.symmetric_eigen();
+    let seen: Vec<_> = (0..width).filter(|&i| eigen.eigenvalues[i] > 1.0).collect();
+    let turned = eigen.eigenvectors.select_columns(&seen);
+    columns.par_iter_mut().for_each(|c| *c = &*c * &turned);
 }
 
 /// L⁻¹ of the covariance of a block's rows.

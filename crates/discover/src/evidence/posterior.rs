@@ -1,8 +1,12 @@
 //! From the evidence of explanations to probabilities: of effects, of targets, of sets of
 //! recordings.
 
-use super::candidates::Explanation;
+use super::explanation::Explanation;
 use super::priors::NOTHING;
+use crate::candidate::{Variant, solve};
+use crate::problem::Problem;
+use crate::session::Session;
+use aloft_effects::Effect;
 
 /// One effect: its explanations, best first, with their share of the effect's probability.
 pub(super) struct EffectPosterior<'a> {
@@ -13,6 +17,23 @@ pub(super) struct EffectPosterior<'a> {
     pub probability: f64,
 }
 
+impl<'a> EffectPosterior<'a> {
+    /// True if these are explanations by an effect.
+    pub fn is_of(&self, effect: &dyn Effect) -> bool {
+        self.explanations.first().is_some_and(|(e, _)| e.variant.effect.id() == effect.id())
+    }
+
+    /// Its explanations in all recordings as they are, with their gains beside another model.
+    pub fn again(&self, session: &Session<'_>, problem: &Problem) -> Vec<(Variant<'a>, f64)> {
+        let everywhere = |v: &&Variant<'a>| v.group.is_empty() || v.effect.about().by_group;
+        let gain = |variant: &Variant<'a>| {
+            let (s, c) = problem.reduce_all(&variant.columns(session, problem)?);
+            Some((variant.clone(), solve(&s, &c, &variant.coefficients).1))
+        };
+        self.explanations.iter().map(|(e, _)| &e.variant).filter(everywhere).filter_map(gain).collect()
+    }
+}
+
 /// Probabilities of all effects, the likeliest first, and that of "nothing missing".
 pub(super) struct Posterior<'a> {
     pub effects: Vec<EffectPosterior<'a>>,
@@ -20,7 +41,7 @@ pub(super) struct Posterior<'a> {
 }
 
 /// Logarithm of a sum of exponentials.
-fn ln_sum(terms: impl Iterator<Item = f64> + Clone) -> f64 {
+pub(super) fn ln_sum(terms: impl Iterator<Item = f64> + Clone) -> f64 {
     let most = terms.clone().fold(f64::NEG_INFINITY, f64::max);
     if most.is_finite() { most + terms.map(|t| (t - most).exp()).sum::<f64>().ln() } else { most }
 }
@@ -56,7 +77,6 @@ impl<'a> Posterior<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::candidate::Variant;
     use aloft_effects::{EFFECTS, Target};
     use nalgebra::DVector;
 
@@ -66,7 +86,6 @@ mod tests {
             target: Target::Link(link),
             nonlinear: Vec::new(),
             coefficients: Vec::new(),
-            fitted: 0,
             group: Vec::new(),
         };
         Explanation { variant, theta: DVector::zeros(0), left: 0.0, ln_likelihood }

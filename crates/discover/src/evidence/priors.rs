@@ -16,6 +16,10 @@ pub(super) const ODDS: f64 = 20.0;
 /// Probability that the named explanations hold together.
 pub(super) const HELD: f64 = 0.95;
 
+/// Share of the sum of squares that effects take away, up to which what they leave is their own
+/// idealisation (area times a constant coefficient, a massless cord): 5 % of the force.
+pub(super) const IDEALISED: f64 = 0.0025;
+
 /// Windows whose errors are linked: a window overlaps with three on either side; five leave the
 /// autocorrelation of a smoother inside.
 pub(super) const LINKED: usize = 5;
@@ -32,17 +36,21 @@ pub(super) const POOLED: f64 = 0.5;
 /// each, and no record of which part of an error it made.
 pub(super) const SHARED: f64 = 0.5;
 
-/// Natural-log units behind the best target of an effect from which on another one is not fitted to
-/// the end: it would hold less than e⁻³⁰ of the probability.
-pub(super) const FAR_BEHIND: f64 = 30.0;
+/// Natural-log units behind the best from which on an explanation is not fitted to the end: it
+/// would hold less than e⁻¹⁰ of the probability.
+pub(super) const FAR_BEHIND: f64 = 10.0;
+
+/// Share of the best one's gain that an explanation [`FAR_BEHIND`] must have to be fitted further.
+/// Saves time alone.
+pub(super) const SHARE: f64 = 0.5;
 
 /// Steps of a fit to the end.
 pub(super) const TO_THE_END: usize = 20;
 
-/// Stages of the fits of an effect's targets: Gauss-Newton steps, and the share of the best
-/// target's gain that a target must have to take them unless it is not [`FAR_BEHIND`]. They save
-/// time alone: a target that is far behind after five steps is not the likeliest after twenty.
-pub(super) const STEPS: [(usize, f64); 3] = [(1, 0.0), (4, 0.5), (TO_THE_END, 0.9)];
+/// Stages of the fits: Gauss-Newton steps, and the share of the best gain that an explanation must
+/// have to take them unless it is not [`FAR_BEHIND`]. They save time alone: what is far behind
+/// after five steps is not the likeliest after twenty.
+pub(super) const STEPS: [(usize, f64); 3] = [(1, SHARE), (4, SHARE), (TO_THE_END, 0.9)];
 
 /// Turns of the joint fit of several effects, each beside the others.
 pub(super) const TURNS: usize = 5;

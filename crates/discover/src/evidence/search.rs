@@ -2,19 +2,20 @@
 //! again beside it.
 
 use super::by_recording::ln_odds_by_recording;
-use super::candidates::{Explanation, explained, explanations};
+use super::candidates::{explained, explanations};
+use super::explanation::Explanation;
+use super::form::{late, misfit};
 use super::likelihood::Likelihood;
 use super::model::Model;
 use super::posterior::{EffectPosterior, Posterior};
-use super::priors::{HELD, ODDS, TO_THE_END, TURNS};
+use super::priors::{FAR_BEHIND, HELD, ODDS, SHARE, TO_THE_END, TURNS};
 use crate::DiscoverError;
-use crate::candidate::{Scored, score};
-use crate::nonlinear::{improve, score_fitted};
+use crate::candidate::{Scored, pseudo_inverse, score};
+use crate::nonlinear::{columns_and_slopes, improve, score_fitted};
 use crate::options::DiscoverOptions;
-use crate::problem::Problem;
-use crate::result::Found;
+use crate::result::{Found, Misfit};
 use crate::session::Session;
-use aloft_effects::{Effect, EffectInstance};
+use aloft_effects::{Effect, EffectInstance, Target};
 
 /// One question: which effect is missing beside those found before.
 pub(super) struct Asked<'a> {
@@ -47,6 +48,8 @@ pub(super) struct Search<'a> {
     pub found: Vec<Found>,
     /// Root mean square with what was found, in units of the noise.
     pub left: f64,
+    /// Dependence of the strength of what was found on something that its law does not describe.
+    pub misfit: Option<Misfit>,
 }
 
 /// Asks until nothing more is named.
@@ -57,15 +60,28 @@ pub(super) fn search<'a>(
     options: &DiscoverOptions,
 ) -> Result<Option<Search<'a>>, DiscoverError> {
     let Some(units) = session.in_noise_units() else { return Ok(None) };
-    let mut out = Search { asked: Vec::new(), kept: Vec::new(), found: Vec::new(), left: f64::NAN };
+    let mut out = Search { asked: Vec::new(), kept: Vec::new(), found: Vec::new(), left: f64::NAN, misfit: None };
+    let mut at_first = f64::NAN;
+    let keys: Vec<String> = accepted.iter().map(|c| c.key(session.scene())).collect();
     for question in 0..=options.rounds {
         let model = Model::of(&units, accepted, &out.kept, &out.found, options)?;
         out.left = model.left();
+        if question == 0 {
+            at_first = model.problem.rss;
+        } else {
+            out.misfit = misfit(&model, &out.kept, &out.found, at_first - model.problem.rss);
+            for i in 0..if out.misfit.is_none() { out.kept.len() } else { 0 } {
+                let mut others = out.kept.clone();
+                let of = others.remove(i);
+                let beside = Model::of(&units, accepted, &others, &[], options)?;
+                out.misfit = out.misfit.or(late(&beside, &of, effects, &out.found[i].key));
+            }
+        }
         if question == options.rounds {
             break;
         }
-        let mut asked = ask(&model, effects, &out.kept, options);
-        asked.model = accepted.iter().map(|c| c.key(session.scene())).collect();
+        let mut asked = ask(&model, effects, None, &out.kept, options);
+        asked.model.clone_from(&keys);
         asked.model.extend(out.found.iter().map(|f| f.key.clone()));
         let best = asked.best().cloned();
         let named = !asked.named.is_empty();
@@ -74,7 +90,8 @@ pub(super) fn search<'a>(
         out.kept.push(best);
         let beside = |kept: &[Explanation<'a>]| Model::of(&units, accepted, kept, &[], options);
         together(&mut out.kept, beside)?;
-        exchange(&mut out, effects, options, beside)?;
+        exchange(&mut out, effects, &keys, options, beside)?;
+        prune(&mut out, beside)?;
         out.found = found(session, &out.kept, beside)?;
     }
     Ok(Some(out))
@@ -90,22 +107,20 @@ impl<'a> Asked<'a> {
 fn ask<'a>(
     model: &Model<'_>,
     effects: &[&'a dyn Effect],
+    before: Option<&[EffectPosterior<'a>]>,
     kept: &[Explanation<'a>],
     options: &DiscoverOptions,
 ) -> Asked<'a> {
-    let Model { session, problem, likelihood, .. } = model;
+    let Model { problem, likelihood, .. } = model;
     // the same on the same place would be found again as its own remainder
-    let mut of_effects = explanations(model, effects, options);
+    let mut of_effects = explanations(model, effects, before, options);
     for explanations in &mut of_effects {
         explanations.retain(|e| !kept.iter().any(|k| k.is_alike(e)));
     }
     of_effects.retain(|e| !e.is_empty());
     let posterior = Posterior::of(of_effects, likelihood.of_squares(problem.rss));
-    let scored: Vec<Scored<'a>> = posterior
-        .effects
-        .iter()
-        .filter_map(|e| scored(session, problem, &e.explanations.first()?.0, e.ln_odds > 0.0))
-        .collect();
+    let scored: Vec<Scored<'a>> =
+        posterior.effects.iter().filter_map(|e| scored(model, &e.explanations.first()?.0, e.ln_odds > 0.0)).collect();
     let by_recording = scored.first().map_or(f64::NEG_INFINITY, |s| ln_odds_by_recording(problem, s));
     let sure = |e: &EffectPosterior<'_>| e.ln_odds.min(by_recording) > ODDS.ln();
     let mut named = Vec::new();
@@ -119,6 +134,7 @@ fn ask<'a>(
             held += e.probability;
             named.extend(e.explanations.first().map(|(best, _)| best.variant.effect.id().to_owned()));
         }
+        named.extend(other_names(&posterior, &named));
     }
     Asked {
         scored,
@@ -134,21 +150,45 @@ fn ask<'a>(
     }
 }
 
+/// Other names of effects that act on the whole body or all plates: no recording tells them apart,
+/// whatever the rows say.
+fn other_names(posterior: &Posterior<'_>, named: &[String]) -> Vec<String> {
+    let best = |id: &str| {
+        posterior.effects.iter().filter_map(|e| Some(&e.explanations.first()?.0)).find(|e| e.place().0 == id)
+    };
+    let on_all = |id: &&String| best(id).is_some_and(|e| e.variant.target == Target::Body);
+    let aliases = named.iter().filter(on_all).filter_map(|id| best(id)).flat_map(|e| e.variant.effect.about().aliases);
+    let mut out: Vec<String> = Vec::new();
+    for id in aliases.filter(|id| best(id).is_some()) {
+        if !named.iter().chain(&out).any(|n| n == id) {
+            out.push((*id).to_owned());
+        }
+    }
+    out
+}
+
 /// An explanation with its errors on recordings left out; with unknowns fitted anew in each where
-/// it may be named.
-fn scored<'a>(
-    session: &Session<'_>,
-    problem: &Problem,
-    explanation: &Explanation<'a>,
-    may_be_named: bool,
-) -> Option<Scored<'a>> {
+/// it may be named. Its standard errors are at least those of its posterior, in which errors that
+/// all recordings share are unknown, too.
+fn scored<'a>(model: &Model<'_>, explanation: &Explanation<'a>, may_be_named: bool) -> Option<Scored<'a>> {
+    let Model { session, problem, likelihood, .. } = model;
     let variant = explanation.variant.clone();
     let nonlinear = !variant.effect.nonlinear(session.scene(), variant.target).is_empty();
-    if nonlinear && may_be_named {
-        return score_fitted(session, problem, variant);
+    let mut out = if nonlinear && may_be_named {
+        score_fitted(session, problem, variant)?
+    } else {
+        let columns = variant.columns(session, problem)?;
+        score(problem, variant, &problem.reduce(&columns))
+    };
+    if may_be_named {
+        let wide = columns_and_slopes(session, problem, &out.variant, &out.theta)?;
+        let covariance = pseudo_inverse(&problem.reduce_all(&wide).0);
+        let size = likelihood.in_noise(explanation.left).max(1.0);
+        let of_posterior = covariance.diagonal().map(|v| size * v.max(0.0).sqrt());
+        out.joint_se.resize(of_posterior.len(), 0.0);
+        out.joint_se.iter_mut().zip(&of_posterior).for_each(|(se, of)| *se = se.max(*of));
     }
-    let columns = variant.columns(session, problem)?;
-    Some(score(problem, variant, &problem.reduce(&columns)))
+    Some(out)
 }
 
 /// Effects fitted together: each beside the others as they are by then, in turn.
@@ -184,19 +224,32 @@ fn together<'a, 's>(
 fn exchange<'a, 's>(
     search: &mut Search<'a>,
     effects: &[&'a dyn Effect],
+    accepted: &[String],
     options: &DiscoverOptions,
     beside: impl Fn(&[Explanation<'a>]) -> Result<Model<'s>, DiscoverError> + Copy,
 ) -> Result<(), DiscoverError> {
     if search.kept.len() < 2 {
         return Ok(());
     }
-    for _ in 0..TURNS {
+    for turn in 0..TURNS {
         let mut changed = false;
+        // the last one was asked for beside the others as they are, unless one of them changes
         for i in 0..search.kept.len() {
+            if turn == 0 && i + 1 == search.kept.len() && !changed {
+                break;
+            }
             let mut others = search.kept.clone();
             others.remove(i);
             let model = beside(&others)?;
-            let asked = ask(&model, effects, &others, options);
+            let before = &search.asked[i].posterior.effects;
+            let most = before.first().map_or(0.0, |e| e.ln_odds);
+            let near: Vec<&str> = before
+                .iter()
+                .filter(|e| e.ln_odds > (SHARE * most).min(most - FAR_BEHIND))
+                .filter_map(|e| Some(e.explanations.first()?.0.variant.effect.id()))
+                .collect();
+            let rivals: Vec<&'a dyn Effect> = effects.iter().copied().filter(|e| near.contains(&e.id())).collect();
+            let asked = ask(&model, &rivals, Some(before), &others, options);
             if asked.named.is_empty() {
                 // beside the others nothing speaks for it any more
                 search.kept.remove(i);
@@ -207,14 +260,41 @@ fn exchange<'a, 's>(
             if let Some(best) = asked.best().cloned() {
                 changed |= best.place() != search.kept[i].place();
                 search.kept[i] = best;
-                let model = std::mem::take(&mut search.asked[i].model);
-                search.asked[i] = Asked { model, ..asked };
+                let mut of_model = accepted.to_vec();
+                of_model.extend(others.iter().map(|k| k.key(model.session)));
+                search.asked[i] = Asked { model: of_model, ..asked };
             }
         }
         if !changed {
             break;
         }
         together(&mut search.kept, beside)?;
+    }
+    Ok(())
+}
+
+/// Takes out what the others explain as well once they are fitted without it: what was found first
+/// may be a compromise between two found later.
+fn prune<'a, 's>(
+    search: &mut Search<'a>,
+    beside: impl Fn(&[Explanation<'a>]) -> Result<Model<'s>, DiscoverError> + Copy,
+) -> Result<(), DiscoverError> {
+    let mut i = 0;
+    while search.kept.len() > 1 && i < search.kept.len() {
+        let all = beside(&search.kept)?;
+        let mut others = search.kept.clone();
+        let of = others.remove(i);
+        together(&mut others, beside)?;
+        let without = beside(&others)?.problem.rss;
+        let cost = all.likelihood.of_squares(of.left) - of.ln_likelihood;
+        let gain = all.likelihood.of_squares(all.problem.rss) - all.likelihood.of_squares(without);
+        if gain - cost < ODDS.ln() {
+            search.kept = others;
+            search.asked.remove(i);
+            i = 0;
+        } else {
+            i += 1;
+        }
     }
     Ok(())
 }
@@ -230,7 +310,7 @@ fn found<'a, 's>(
         let mut others = kept.to_vec();
         others.remove(i);
         let model = beside(&others)?;
-        if let Some(scored) = scored(model.session, &model.problem, &kept[i], true) {
+        if let Some(scored) = scored(&model, &kept[i], true) {
             out.push(crate::ladder::as_found(session, &scored));
         }
     }

@@ -4,7 +4,6 @@ use super::fit::{Scored, Variant, null_ratios, plain, score, variants};
 use super::result::{JointCandidate, JointDiscovery, JointFinding};
 use super::wording;
 use crate::held_out::HeldOutResult;
-use crate::limits::limit_by_number;
 use crate::options::DiscoverOptions;
 use crate::result::{Estimate, FEWEST_CLUSTERS, Found, MANY_CLUSTERS, Verdict};
 use crate::statistics::{jackknife_se, ratio_interval, resamples, sign_flip_p};
@@ -239,7 +238,7 @@ fn limits(rounds: &[Option<Round<'_>>], options: &DiscoverOptions) -> Limits {
     let threshold = if clusters < FEWEST_CLUSTERS || !chance.is_finite() {
         0.0
     } else {
-        chance.min(limit_by_number(clusters, options))
+        chance.min(options.largest_ratio(clusters))
     };
     Limits { threshold, quantiles, clusters }
 }

@@ -15,7 +15,7 @@ use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
 
 /// Number of cubic B-splines of a curve.
-pub(super) const SPLINES: usize = 6;
+pub(crate) const SPLINES: usize = 6;
 /// Bodies with more links than this get two points a link, its centre of mass and its proximal
 /// joint, and fewer clocks and anchors.
 pub(super) const MANY_LINKS: usize = 4;

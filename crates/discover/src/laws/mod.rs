@@ -13,7 +13,6 @@
 //! | contact | `with_contact` | the law that flights and contact show together |
 //! | place | `near_joint`, `off_link`, `far_point` | the other link of a joint; whether a point lies on its link; a point of the room that is so far away that only its direction shows |
 //! | claim | `stated` | whether laws are stated beside the catalogue |
-//! | form | `form` | whether the strength of an effect that the catalogue names follows its law |
 //! | intervals | `intervals` | those of a law, with errors that are the same in all recordings |
 //! | advice | `next` | the recording that tells a law from the next best one |
 //! | output | `described`, `formula`, `result`, `wording` | an effect of the user's own, numbers, words |
@@ -32,7 +31,6 @@ mod diagnosis;
 mod evidence;
 mod far_point;
 mod fit;
-mod form;
 mod formula;
 mod intervals;
 mod kinematics;
@@ -53,8 +51,9 @@ mod work;
 pub use kinematics::{Action, Carrier, Direction, Variable};
 pub use result::{Diagnosis, Entry, FoundLaw, LawKind, NextRecording, OpenWorld, Work};
 
-pub(crate) use atlas::Line;
-pub(crate) use form::{FormLimits, misfit};
+pub(crate) use atlas::{Line, PlaceFrames, SPLINES, carriers, columns, range_of, splines, stride};
 pub(crate) use kinematics::WHOLE_BODY;
 pub(crate) use search::search;
-pub(crate) use stated::{Doubted, Rivals, Together};
+pub(crate) use shape::Range;
+pub(crate) use stated::Rivals;
+pub(crate) use wording::variable as variable_in_words;

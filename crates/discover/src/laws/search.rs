@@ -13,13 +13,13 @@ use super::off_link::ALSO;
 use super::one_law::{OneLaw, one_law};
 use super::result::{Diagnosis, Entry, FoundLaw, NextRecording, OpenWorld};
 use super::stated::{ANSWERED, Rivals, Stated, Step, stated};
-use super::with_contact::{self, Flights, in_use, with_contact};
+use super::with_contact::{Flights, in_use, with_contact};
 use super::wording;
 use crate::held_out::HeldOutResult;
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::Until;
-use crate::result::{AgainstLaw, FEWEST_CLUSTERS};
+use crate::result::FEWEST_CLUSTERS;
 use crate::session::Session;
 use crate::statistics::sign_flip_p;
 use crate::thin::{FEWEST, with_at_most};
@@ -35,12 +35,6 @@ const MOST_IN_ATLAS: usize = 120;
 const MOST_FITTED: usize = 60;
 /// Largest number of laws.
 const ROUNDS: usize = 3;
-/// Error of the first law over that of the one effect that is named, above which no further laws
-/// are sought: several laws in place of one effect are no simpler answer. Of 279 answers to
-/// laws (chains of seeds 11121, 11131 and 11171, people of 11211) three state several laws; the
-/// first of them left at most 0.7 times the error of the best effect.
-const FAR_BEHIND: f64 = 1.5;
-
 /// What a search works on.
 struct Searched<'s, 'a> {
     /// Flights and contact that are in use.
@@ -63,7 +57,6 @@ struct Round {
     law: Option<Step>,
     /// The recording that tells the law from the next best one.
     next: Option<NextRecording>,
-    against: Option<AgainstLaw>,
 }
 
 /// Searches for a law beyond the catalogue on what a model leaves in flight. `taken` are
@@ -72,11 +65,11 @@ struct Round {
 pub(crate) fn search(
     session: &Session<'_>,
     accepted: &[EffectInstance<'_>],
-    catalogue: Rivals<'_, '_>,
+    catalogue: &Rivals,
     taken: &[&str],
     until: &Until,
     options: &DiscoverOptions,
-) -> Option<(OpenWorld, Option<AgainstLaw>)> {
+) -> Option<OpenWorld> {
     let everywhere = &in_use(session);
     let flights = &everywhere.in_flight();
     let base = columns_of(flights, accepted, &[], Domain::Flight)?;
@@ -89,9 +82,6 @@ pub(crate) fn search(
     let before = squared_error(&plain);
     let mut laws: Vec<Step> = Vec::new();
     let mut first: Option<Round> = None;
-    let mut against = None;
-    // true if the named effects predict as well as the first law
-    let mut stands = false;
     let mut left = before;
     for number in 0..ROUNDS {
         let problem = searched.with(&laws)?;
@@ -99,19 +89,13 @@ pub(crate) fn search(
         if number > 0 && model_error.is_some_and(|s| s.noise_floor > 0.0 && at_floor(&s, left / before)) {
             break;
         }
-        let Some(mut made) = searched.round(number, &problem, &laws, &catalogue)? else { break };
-        against = against.or(made.against.take());
+        let Some(mut made) = searched.round(number, &problem, &laws, catalogue)? else { break };
         let law = made.law.take();
         first.get_or_insert(made);
-        stands = catalogue.only_compared && !against.as_ref().is_some_and(AgainstLaw::is_against_the_effect);
-        if stands {
-            break;
-        }
         let Some(law) = law else { break };
         let of_law = law.fitted.error();
         laws.push(law);
-        let far_behind = catalogue.one_effect && (of_law / before).sqrt() > FAR_BEHIND * catalogue.ratio;
-        if until.is_over() || number == 0 && far_behind {
+        if until.is_over() {
             break;
         }
         left = of_law;
@@ -127,8 +111,7 @@ pub(crate) fn search(
     let times_floor = model_error.filter(|s| s.noise_floor > 0.0).map(|s| s.held_out_error * ratio / s.noise_floor);
     let within_floor =
         times_floor.is_some_and(|t| t <= ANSWERED) || model_error.is_some_and(|s| at_floor(&s, left / before));
-    let against = against.filter(|_| stands || laws.len() == 1);
-    let Stated { named, complete } = stated(&laws, ratio, within_floor, &catalogue, against.as_ref(), options.seed);
+    let Stated { named, complete } = stated(&laws, ratio, within_floor, catalogue);
     let found = if named { searched.described(&laws, taken) } else { Vec::new() };
     let ratio = if named { ratio } else { 1.0 };
     let held_out_error_after = after.filter(|_| named).or(model_error.map(|s| s.held_out_error)).unwrap_or(ratio);
@@ -150,7 +133,7 @@ pub(crate) fn search(
         words: String::new(),
     };
     out.words = wording::answer(&out);
-    Some((out, against))
+    Some(out)
 }
 
 impl Searched<'_, '_> {
@@ -166,13 +149,7 @@ impl Searched<'_, '_> {
 
     /// One round on `problem`, which holds the laws of the rounds before: atlas, law in flight, law
     /// of flights and contact. The inner `None`: nothing can be scored.
-    fn round(
-        &self,
-        number: usize,
-        problem: &Problem,
-        laws: &[Step],
-        catalogue: &Rivals<'_, '_>,
-    ) -> Option<Option<Round>> {
+    fn round(&self, number: usize, problem: &Problem, laws: &[Step], catalogue: &Rivals) -> Option<Option<Round>> {
         let Self { everywhere, flights: session, until, options, .. } = *self;
         let person = session.prior.is_some();
         // a session of many flights is searched in some of them, and laws are fitted to all
@@ -195,7 +172,7 @@ impl Searched<'_, '_> {
             let made = diagnose(in_some, of_some, &atlas, p);
             // what is left of the parameters looks like some force, too
             let of_parameters = session.model_error[0].is_some_and(|s| s.may_be_of_parameters());
-            if !catalogue.only_compared && !of_parameters {
+            if !of_parameters {
                 session.counter.so_far(&format!("the error in flight looks like {}", made.text));
             }
             made
@@ -203,28 +180,16 @@ impl Searched<'_, '_> {
         let groups = fit::distinct(&atlas.groups, TRIED);
         let enough = best.score.ratio.sqrt() < may_do && p < 0.05;
         let mut law = if enough { one_law_of_many(session, problem, &evidence, &groups, until, options) } else { None };
-        let (mut of_both, mut against) = (false, None);
+        let mut of_both = false;
         if session.model_error[1].is_some() && !until.is_over() {
-            let flights = Flights {
-                session,
-                problem,
-                groups: &atlas.groups,
-                law: law.as_ref(),
-                lines: &catalogue.lines,
-                named: if number == 0 { catalogue.named } else { &[] },
-            };
+            let flights =
+                Flights { session, problem, groups: &atlas.groups, law: law.as_ref(), lines: &catalogue.lines };
             let extra = columns_of(everywhere, self.accepted, laws, Domain::Both)?;
             if let Some(made) = with_contact(everywhere, &extra, &flights, believed, until, options) {
-                (law, p, of_both, against) = (Some(made.law), made.p, true, made.against);
+                (law, p, of_both) = (Some(made.law), made.p, true);
             }
         }
-        // soft tissue imitates laws: flights of a person alone do not decide
-        if let (0, false, None, Some(law)) = (number, person, &against, &law) {
-            let of_one = || with_contact::against(session, problem, catalogue.named, &law.best, options.seed);
-            let together = catalogue.together.as_ref();
-            against = together.map_or_else(of_one, |t| t.against(session, &law.best, options.seed));
-        }
-        let mut out = Round { clusters: of_some.clusters.len(), atlas, diagnosis, law: None, next: None, against };
+        let mut out = Round { clusters: of_some.clusters.len(), atlas, diagnosis, law: None, next: None };
         let Some(OneLaw { best: found, rival, mut also }) = law else { return Some(Some(out)) };
         let ratio = (found.error() / squared_error(problem)).sqrt();
         let elsewhere = out.diagnosis.as_ref().and_then(|d| pointed_elsewhere(d, &out.atlas, &found, ratio, session));
@@ -234,10 +199,7 @@ impl Searched<'_, '_> {
         let limit = if of_both { believed.sqrt() } else { believed };
         if ratio < limit && p_gain < options.significance {
             out.next = rival.filter(|_| number == 0).and_then(|r| next_recording(session, &found, &r));
-            let better = out.against.as_ref().is_some_and(AgainstLaw::is_against_the_effect);
-            if better || !catalogue.only_compared {
-                session.counter.so_far(&wording::law_so_far(session, &found, ratio, number > 0));
-            }
+            session.counter.so_far(&wording::law_so_far(session, &found, ratio, number > 0));
             out.law = Some(Step { fitted: found, ratio, p, also, of_both });
         }
         Some(Some(out))

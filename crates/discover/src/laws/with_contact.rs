@@ -13,19 +13,11 @@ use super::fit::{self, Fitted, STEPS, TRIED, places};
 use super::kinematics::{Action, Carrier, Direction, Variable};
 use super::one_law::{OneLaw, one_law};
 use super::two_variables::{Resistance, resistance, without_idle_factors};
-use super::wording;
-use crate::candidate::{Scored, Variant};
-use crate::nonlinear::{best_starts, fitted_anew};
 use crate::options::DiscoverOptions;
 use crate::problem::{Domain, Problem};
 use crate::progress::{Part, Until};
-use crate::rank::judged_in;
-use crate::result::AgainstLaw;
 use crate::session::Session;
-use crate::statistics::sign_flip_p;
 use crate::thin::{FEWEST, with_at_most};
-use crate::wording::domain;
-use aloft_effects::Target;
 use aloft_regressor::StretchKind;
 use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
@@ -34,8 +26,6 @@ use rayon::prelude::*;
 const PLACES: usize = 24;
 /// Links on which a force towards points of the room is tried.
 const TOWARDS: usize = 3;
-/// Starting values of its own from which a named effect is fitted again.
-const STARTS: usize = 4;
 /// Most flights and contact stretches from which a law is sought.
 const MOST_STRETCHES: usize = 160;
 /// A law of both may leave this much more error in flight than the law of the flights alone.
@@ -74,8 +64,6 @@ pub(super) struct Flights<'s, 'a> {
     pub law: Option<&'s OneLaw>,
     /// Lines along which effects found in flight act.
     pub lines: &'s [Line],
-    /// Effects that the catalogue names, of which one is missing.
-    pub named: &'s [Variant<'a>],
 }
 
 /// A law of flights and contact.
@@ -83,8 +71,6 @@ pub(super) struct OfBoth {
     pub law: OneLaw,
     /// Probability by chance.
     pub p: f64,
-    /// The named effects beside the law.
-    pub against: Option<AgainstLaw>,
 }
 
 /// The law of flights and contact together with its probability by chance, if it leaves less than
@@ -134,7 +120,6 @@ pub(super) fn with_contact(
     let again = |f: &Fitted| fit::fit(session, both, &f.law, f.nonlinear.clone(), STEPS);
     let of_flights = flights.law.iter().flat_map(|l| std::iter::once(&l.best).chain(&l.rival)).filter_map(again);
     let OneLaw { best, rival, also } = one_law(session, both, &evidence, &groups, of_flights.collect(), until)?;
-    let against = against(session, both, flights.named, &best, options.seed);
     let plain = |p: &Problem| p.folds.iter().map(|f| f.error).sum::<f64>();
     let left = best.error() / plain(both);
     let best = judged_in_flight(flights, best)?;
@@ -143,63 +128,8 @@ pub(super) fn with_contact(
     // squared errors; flights alone are fewer, so a larger share may remain there
     (left < believed * believed && left_in_flight < believed && !worse).then(|| {
         let rival = rival.and_then(|r| judged_in_flight(flights, r));
-        OfBoth { law: OneLaw { best, rival, also }, p, against }
+        OfBoth { law: OneLaw { best, rival, also }, p }
     })
-}
-
-/// The best of the named effects, beside a law that was fitted to the rows of `problem`. It is
-/// fitted to them, too, from its values in flight and from the best of its own starting values, on
-/// its link and on that of the law. None if one of the effects does not act in all rows.
-pub(super) fn against(
-    session: &Session<'_>,
-    problem: &Problem,
-    named: &[Variant<'_>],
-    law: &Fitted,
-    seed: u64,
-) -> Option<AgainstLaw> {
-    if named.is_empty() || !named.iter().all(|v| judged_in(v.effect, problem.domain)) {
-        return None;
-    }
-    let error = |s: &Scored<'_>| s.fold_error.iter().sum::<f64>();
-    // on the law's link, too, from starting values of its own
-    let there = Target::Link(law.law.carrier.link());
-    let moved =
-        |v: &&Variant<'_>| matches!(v.target, Target::Link(_)) && v.target != there && law.law.carrier != Carrier::Body;
-    let on_link = named.iter().filter(moved).filter_map(|v| {
-        let starts = v.effect.starts(session.scene, there);
-        let of = |nonlinear| Variant {
-            fitted: v.fitted,
-            group: v.group.clone(),
-            ..Variant::new(session, v.effect, there, nonlinear)
-        };
-        let best = best_starts(session, problem, starts.into_iter().map(of).collect(), 1).pop()?;
-        fitted_anew(session, problem, &best, STARTS)
-    });
-    let made = named.iter().filter_map(|v| fitted_anew(session, problem, v, STARTS)).chain(on_link);
-    let best = made.min_by(|a, b| error(a).total_cmp(&error(b)))?;
-    Some(AgainstLaw {
-        effect: best.variant.effect.id().to_owned(),
-        judged_on: domain(problem.domain).to_owned(),
-        error_ratio: (law.error() / error(&best)).sqrt(),
-        p_value: sign_flip_p(&law.errors, &best.fold_error, 2000, seed ^ 0xf02a),
-        law: wording::fitted(session, law),
-        difference: difference(session, problem, &best, law),
-    })
-}
-
-/// Root mean square of the difference of a law's rows from those of an effect, over that of the
-/// effect's, with the inertial parameters projected out.
-fn difference(session: &Session<'_>, problem: &Problem, effect: &Scored<'_>, law: &Fitted) -> Option<f64> {
-    let of_effect = effect.variant.columns_at(session, problem, &effect.variant.nonlinear)?;
-    let of_law = problem.gather(&session.columns(&law.law, Target::Body, &law.nonlinear, problem.domain)?);
-    let both: Vec<DMatrix<f64>> = of_effect
-        .iter()
-        .zip(&of_law)
-        .map(|(e, l)| DMatrix::from_columns(&[e * &effect.theta, l * &law.theta]))
-        .collect();
-    let (s, _) = problem.reduce_all(&both);
-    let squared = (s[(0, 0)] - 2.0 * s[(0, 1)] + s[(1, 1)]).max(0.0) / s[(0, 0)];
-    Some(squared.sqrt()).filter(|d| d.is_finite())
 }
 
 /// A law of both with its held-out errors on flights.

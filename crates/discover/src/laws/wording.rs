@@ -14,11 +14,6 @@ use aloft_identify::half_of;
 use aloft_regressor::{FAIR_TIMES_FLOOR, POOR_TIMES_FLOOR};
 use nalgebra::{DVector, Vector3};
 
-/// Laws that leave more than this share of what a force of constant size leaves do no better.
-const LITTLE_LESS: f64 = 0.8;
-/// What formulas call the strength of a force of constant size.
-const CONSTANT: &str = "1";
-
 /// A direction in words.
 fn direction(d: Direction, action: Action) -> &'static str {
     match (d, action) {
@@ -146,26 +141,6 @@ pub(super) fn law_so_far(session: &Session<'_>, f: &Fitted, ratio: f64, further:
     }
 }
 
-/// "the strength of `rotational_drag` also changes with the rate of rotation of `link0`, …".
-pub(crate) fn misfit(scene: &Scene, effect: &str, place: &str, v: Variable, p: f64) -> String {
-    let of = match v {
-        Variable::SinceTakeOff | Variable::Clock | Variable::JointAngle(_) | Variable::JointRate(_) => String::new(),
-        _ => format!(" ({})", carrier(place)),
-    };
-    format!(
-        "the strength of `{effect}` changes with {}{of} in another way than its law says (p = {p:.3}): a force acts there, and the form of its law \
-         is not known",
-        variable(v, scene)
-    )
-}
-
-/// "the strength of `quadratic_drag` does not grow as its law says, …".
-pub(crate) fn own_misfit(effect: &str, p: f64) -> String {
-    format!(
-        "the strength of `{effect}` does not grow as its law says (p = {p:.3}): a force acts there, and the form of its law is not known"
-    )
-}
-
 /// Other links that are not excluded; their number where they are many, as for a couple, which
 /// turns the whole body wherever it acts.
 pub(crate) fn also(names: &[String]) -> String {
@@ -244,23 +219,6 @@ fn lead(o: &OpenWorld) -> String {
 }
 
 impl OpenWorld {
-    /// Keeps where the error acts, and states no law.
-    pub(crate) fn without_laws(&mut self, now: &HeldOutResult) {
-        self.laws.clear();
-        (self.next, self.complete) = (None, false);
-        self.held_out_error_after = now.held_out_error;
-        self.times_floor_after = Some(now.times_floor()).filter(|t| t.is_finite());
-        self.at_floor_after = now.noise_floor_ci95.map(|_| now.reached_by(now.held_out_error));
-        self.words = answer(self);
-    }
-
-    /// True if laws that leave the share `left` of the error in flight do hardly better than a
-    /// force or couple of constant size, which is the best that was found without a law.
-    pub(crate) fn does_no_better_than_constant(&self, left: f64) -> bool {
-        let constant = |d: &Diagnosis| d.variable == CONSTANT && d.direction != Direction::Towards;
-        self.diagnosis.as_ref().is_some_and(|d| constant(d) && left > LITTLE_LESS * d.held_out_ratio)
-    }
-
     /// Laws that leave no more than the floor as computed by all stages are the answer, whatever
     /// the rows of the search say.
     pub(crate) fn judged_by_stages(&mut self, after: &HeldOutResult) {
@@ -353,32 +311,5 @@ mod tests {
         }
         let part = OpenWorld { complete: false, ..open(Some(1.2), Some(true)) };
         assert_eq!(lead(&part), "part of the error follows a law outside the catalogue");
-    }
-
-    #[test]
-    fn a_law_has_to_do_better_than_a_force_of_constant_size() {
-        let constant = Diagnosis {
-            carrier: "body".to_owned(),
-            also: Vec::new(),
-            action: Action::Force,
-            direction: Direction::World,
-            variable: CONSTANT.to_owned(),
-            held_out_ratio: 0.05,
-            removes: 0.95,
-            family_wise_p: 0.01,
-            constant_ratio: None,
-            dependence_p: None,
-            curve: Vec::new(),
-            text: String::new(),
-        };
-        let found = |d: &Diagnosis| OpenWorld { diagnosis: Some(d.clone()), ..open(Some(2.0), Some(false)) };
-        assert!(found(&constant).does_no_better_than_constant(0.052));
-        assert!(!found(&constant).does_no_better_than_constant(0.03));
-        // a pull towards a point, or one that changes, is no error of the time base
-        let pull = Diagnosis { direction: Direction::Towards, ..constant.clone() };
-        assert!(!found(&pull).does_no_better_than_constant(0.052));
-        let field = Diagnosis { variable: "r_z".to_owned(), ..constant };
-        assert!(!found(&field).does_no_better_than_constant(0.052));
-        assert!(!open(None, None).does_no_better_than_constant(0.052));
     }
 }

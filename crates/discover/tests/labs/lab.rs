@@ -86,7 +86,10 @@ impl Recorded {
             })
             .collect();
         let scene = scene_of(&body, &trials);
-        let session = Session::new(&body, &scene, &trials, &WeakOptions::default()).unwrap();
+        let session = Session::new(&body, &scene, &trials, &WeakOptions::default())
+            .unwrap()
+            .with_white_noise(&body, &trials, &WeakOptions::default())
+            .unwrap();
         f(&scene, &session)
     }
 }

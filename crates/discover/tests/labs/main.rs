@@ -49,7 +49,6 @@ struct Line {
     coefficients: Vec<(String, f64, f64, f64)>,
     /// Best candidates of the first round, with ratios.
     ranking: Vec<(String, f64)>,
-    threshold: f64,
     /// Run time of `discover` alone.
     seconds: f64,
 }
@@ -111,7 +110,6 @@ fn line(kind: &str, seed: u64, hidden: Option<(&Case, f64, f64)>, twin: f64, rec
             twin: if twin.is_nan() { d.held_out_error } else { twin },
             coefficients: hidden.map(|h| compare(h.0, h.2, &d)).unwrap_or_default(),
             ranking: ranked.collect(),
-            threshold: first.threshold,
             effects: d.effects,
             seconds,
         }
@@ -155,9 +153,10 @@ fn validate_two_effects_on_a_person() {
     let options = DiscoverOptions { only: only.map(str::to_owned).into(), ..Default::default() };
     let of = |r: &Recorded| r.with(|_, session| discover(session, &catalogue(), &[], &options).unwrap());
     let (plain, d) = (of(&twin), of(&recorded));
-    assert_eq!(plain.verdict, Verdict::NothingMissing, "{}", plain.words);
+    // white noise alone does not account for the skin of a person: nothing is named
+    assert!(plain.effects.is_empty(), "{}", plain.words);
     let claimed: Vec<&Round> =
-        d.rounds.iter().filter(|r| !r.superseded && matches!(r.verdict, Verdict::Supported | Verdict::OneOf)).collect();
+        d.rounds.iter().filter(|r| matches!(r.verdict, Verdict::Supported | Verdict::OneOf)).collect();
     assert_eq!(claimed.len(), 2, "{}", d.words);
     for name in ["tether", "flywheel"] {
         assert!(claimed.iter().any(|r| r.effects.iter().any(|e| e == name)), "{name}: {}", d.words);
@@ -221,7 +220,7 @@ fn validate_labs() {
             let mut keep = |line: Line, lines: &mut Vec<Line>| {
                 writeln!(file, "{}", serde_json::to_string(&line).unwrap()).unwrap();
                 println!(
-                    "{kind} {seed} `{}` x{} -> {:?} {:?} [{}] before {:.4} after {:.4} twin {:.4} thr {:.3} {:.1} s\n      {:?}\n      {:?}",
+                    "{kind} {seed} `{}` x{} -> {:?} {:?} [{}] before {:.4} after {:.4} twin {:.4} {:.1} s\n      {:?}\n      {:?}",
                     line.key,
                     line.multiple,
                     line.verdict,
@@ -230,7 +229,6 @@ fn validate_labs() {
                     line.before,
                     line.after,
                     line.twin,
-                    line.threshold,
                     line.seconds,
                     line.ranking,
                     line.coefficients

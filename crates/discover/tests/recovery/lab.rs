@@ -106,7 +106,10 @@ impl Evidence {
             })
             .collect();
         let scene = scene_of(&body, &trials);
-        let session = Session::new(&body, &scene, &trials, &self.options).unwrap();
+        let session = Session::new(&body, &scene, &trials, &self.options)
+            .unwrap()
+            .with_white_noise(&body, &trials, &self.options)
+            .unwrap();
         f(&scene, &session)
     }
 

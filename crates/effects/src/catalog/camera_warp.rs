@@ -10,6 +10,7 @@ const ABOUT: About<'static> = About {
     title: "camera volume bent",
     kind: EffectKind::Artefact,
     family: Family::Kinematics,
+    usual_sd: USUAL,
     documentation: "\
 ## Physics
 Lens distortion and an uneven calibration bend space by 1-5 mm across the volume: straight paths become curved, and flights show accelerations that depend on the place.
@@ -31,6 +32,9 @@ Chiari et al., Gait & Posture 21 (2005) 197-211; own simulations.
 const MOST: f64 = 0.1;
 /// First column of the bend along an axis; the column before it is radial.
 const ALONG: usize = 1;
+
+/// Standard deviation in ordinary recordings, 1/m: a millimetre at a metre from the middle.
+const USUAL: f64 = 1e-3;
 
 pub(super) struct CameraWarp;
 

@@ -10,6 +10,7 @@ const ABOUT: About<'static> = About {
     title: "attenuation by a filter",
     kind: EffectKind::Artefact,
     family: Family::Kinematics,
+    usual_sd: USUAL,
     separated_by: Separation::Impacts,
     unbounded: "a filter takes acceleration away and adds none; how much follows from its cut-off, which is unknown",
     documentation: "\
@@ -30,6 +31,9 @@ Winter, Biomechanics and Motor Control of Human Movement (2009), ch. 3; own simu
 ",
     ..About::PLAIN
 };
+
+/// Standard deviation in ordinary recordings, s²: a low-pass filter of 16 Hz, `1/(2 pi f_c)²`.
+const USUAL: f64 = 1e-4;
 
 pub(super) struct FilterAttenuation;
 

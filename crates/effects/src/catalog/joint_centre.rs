@@ -9,6 +9,7 @@ const ABOUT: About<'static> = About {
     title: "joint centre displaced",
     kind: EffectKind::Artefact,
     family: Family::Kinematics,
+    usual_sd: USUAL,
     class: "inertial parameters",
     documentation: "\
 ## Physics
@@ -30,6 +31,10 @@ Harrington et al., J. Biomech. 40 (2007) 595-602; own simulations.
 /// Largest error of a joint centre from landmarks or functional calibration, m (hip regression
 /// reaches 30 mm): a larger one is another effect in disguise.
 const LARGEST_M: f64 = 0.03;
+
+/// Standard deviation in ordinary recordings of a person, m: errors of predicted and of functional
+/// hip centres are 5 to 15 mm (Harrington et al. 2007).
+const USUAL: f64 = 0.01;
 
 pub(super) struct JointCentre;
 

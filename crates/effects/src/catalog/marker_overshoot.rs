@@ -9,6 +9,7 @@ const ABOUT: About<'static> = About {
     kind: EffectKind::Artefact,
     acts: ActsIn::Contact,
     family: Family::Kinematics,
+    usual_sd: USUAL,
     separated_by: Separation::Impacts,
     documentation: "\
 ## Physics
@@ -29,6 +30,9 @@ Pain and Challis, J. Biomech. 39 (2006) 119-124; Leardini et al., Gait & Posture
 
 /// Largest overshoot, s²: that of a tissue of 3.6 Hz.
 const MOST_S2: f64 = 0.002;
+
+/// Standard deviation in ordinary recordings of a person, s²: a tissue of 20 Hz, `1/(2 pi f)²`.
+const USUAL: f64 = 6e-5;
 
 pub(super) struct MarkerOvershoot;
 

@@ -12,7 +12,7 @@ const ABOUT: About<'static> = About {
     kind: EffectKind::Artefact,
     family: Family::Kinematics,
     separated_by: Separation::Impacts,
-    repeats: true,
+    usual_sd: USUAL,
     documentation: "\
 ## Physics
 Skin and muscle move over the bone as a joint turns, and the markers with them: the link is seen displaced by an amount that follows the joint's angles. Thigh and shank: 10-20 mm.
@@ -29,6 +29,10 @@ Leardini et al., Gait & Posture 21 (2005) 212-225; Camomilla et al., J. Biomech.
 ",
     ..About::PLAIN
 };
+
+/// Standard deviation of the slide in ordinary recordings, m/rad: 10 to 20 mm on thigh and shank
+/// over the range of a joint in locomotion and jumps, 1 to 1.5 rad (Leardini et al. 2005).
+const USUAL: f64 = 0.01;
 
 /// Largest plausible slide, m/rad.
 const MOST: f64 = 0.2;
