@@ -60,14 +60,16 @@ pub fn at_most(p: f64) -> String {
     format!("{:.3}", (1000.0 * p).ceil() / 1000.0)
 }
 
-/// Odds of a candidate against "nothing missing", in words.
+/// Odds of a candidate against "nothing missing" by the rows alone, in words.
 pub fn odds_of(c: &Candidate) -> String {
     c.evidence.map_or("–".to_owned(), |e| odds(e.ln_odds))
 }
 
-/// Probability that a candidate is what is missing, in words.
-pub fn probability_of(c: &Candidate) -> String {
-    match c.evidence.map(|e| e.probability) {
+/// Probability that a candidate is what is missing, in words; none where the answer names nothing:
+/// the best of candidates that are all wrong would hold all of it.
+pub fn probability_of(c: &Candidate, d: &Discovery) -> String {
+    let names = matches!(d.verdict, Verdict::Supported | Verdict::OneOf);
+    match c.evidence.map(|e| e.probability).filter(|_| names) {
         Some(p) if p >= 5e-4 => significant(p, 2),
         Some(_) => "<0.001".to_owned(),
         None => "–".to_owned(),
@@ -122,7 +124,8 @@ const STATED: usize = 4;
 /// What an answer that names nothing does not exclude: the sizes from which the likeliest physical
 /// effects would be found; none where something is named, or where no size is known.
 pub fn not_excluded(d: &Discovery) -> Option<String> {
-    if !matches!(d.verdict, Verdict::NothingMissing | Verdict::NotDetectable) {
+    // recordings that have to be corrected first have not shown anything
+    if d.to_correct.is_some() || !matches!(d.verdict, Verdict::NothingMissing | Verdict::NotDetectable) {
         return None;
     }
     let place = d.rounds.first().map(|r| r.judged_on.as_str())?;

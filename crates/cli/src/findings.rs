@@ -346,7 +346,7 @@ fn candidates(view: &DiscoveryView, details: bool) -> Result<(), Stop> {
             first.map_or(String::new(), |e| unit(&e.unit)),
         ]);
         row.extend(details.then(|| first.map_or(String::new(), |e| e.name.clone())));
-        row.push(verdict::probability_of(c));
+        row.push(verdict::probability_of(c, d));
         t.add_row(row);
     }
     let left_out = t.left_out().join(", ");

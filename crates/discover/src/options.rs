@@ -8,23 +8,22 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DiscoverOptions {
-    /// Largest held-out ratio at which an effect can be accepted.
+    /// Largest held-out ratio at which a law of a rigid body, or of a joint, is stated.
     pub belief: f64,
-    /// The same limit for kinematic errors (soft tissue, joint centres, filters, camera volume,
-    /// flight edges). Every recording has some of them, so only a large one is named, and only
-    /// before any other effect was found.
+    /// The same limit for laws on a person, whose skin repeats from trial to trial and looks like a
+    /// law.
     pub belief_kinematics: f64,
     /// Draws of flipped signs for the null distribution of the torques of joints.
     pub null_draws: usize,
     /// Resamples of clusters for intervals.
     pub resamples: usize,
-    /// Largest number of rounds per kind of motion, each adding an effect or a pair.
+    /// Largest number of questions, each of which may add an effect.
     pub rounds: usize,
     /// Trials are the unit of evidence if there are at least this many, flights otherwise.
     pub fewest_trials: usize,
     /// Weight of the prior of the parameters (1: the uncertainty that the prior states).
     pub prior_weight: f64,
-    /// Two effects count as distinguishable if the p-value of their difference is below this.
+    /// A law is stated only if chance alone does as well with a probability below this.
     pub significance: f64,
     /// Only these effects are ranked; all when empty.
     pub only: Vec<String>,

@@ -132,12 +132,12 @@ impl Candidate {
     /// Why it is not named.
     pub fn doubt(&self) -> String {
         let Some(e) = &self.evidence else { return "no evidence is stored for it".to_owned() };
-        let probability = match e.probability {
-            p if p >= 1e-3 => digits(p, 2),
-            p if p > 0.0 => format!("10^{:.0}", p.log10()),
-            _ => "0".to_owned(),
+        let recordings = match e.ln_odds_by_recording {
+            Some(of) => format!(", {} by recordings left out", odds(of)),
+            None => String::new(),
         };
-        format!("odds of {} against nothing, probability {probability}", odds(e.ln_odds))
+        let bound = if self.plausible { "" } else { "; at a physical limit, or zero" };
+        format!("odds by rows alone {}{recordings}{bound}", odds(e.ln_odds))
     }
 }
 

@@ -66,7 +66,7 @@ fn table(d: &Discovery, real: &[&Candidate]) -> Table {
                     .into(),
                 number(c.minimum_detectable).into(),
                 aloft_analysis::verdict::odds_of(c).into(),
-                aloft_analysis::verdict::probability_of(c).into(),
+                aloft_analysis::verdict::probability_of(c, d).into(),
                 aloft_analysis::verdict::decided(c, d).into(),
             ]
         })
@@ -81,7 +81,7 @@ fn table(d: &Discovery, real: &[&Candidate]) -> Table {
             "held-out ratio (95 %)",
             "first coefficient",
             "minimum detectable, same unit",
-            "odds against nothing missing",
+            "odds by rows alone",
             "probability",
             "decided",
         ],

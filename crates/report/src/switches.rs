@@ -75,7 +75,7 @@ fn asked(session: &SubjectSession) -> Result<Value, PipelineError> {
     let about = d.candidates.iter().map(|c| {
         json!({
             "key": c.key, "held_out_ratio": finite(c.held_out_ratio), "ci95": c.ci95.map(finite),
-            "believed": c.believed, "judged_on": c.judged_on, "probability": c.evidence.and_then(|e| finite(e.probability)),
+            "believed": c.believed, "judged_on": c.judged_on,
         })
     });
     // sizes and intervals stand beside the switches

@@ -11,8 +11,10 @@ use super::posterior::{EffectPosterior, Posterior};
 use super::priors::{FAR_BEHIND, HELD, ODDS, SHARE, TO_THE_END, TURNS};
 use crate::DiscoverError;
 use crate::candidate::{Scored, pseudo_inverse, score};
+use crate::ladder::estimates;
 use crate::nonlinear::{columns_and_slopes, improve, score_fitted};
 use crate::options::DiscoverOptions;
+use crate::plausible::plausible;
 use crate::result::{Found, Misfit};
 use crate::session::Session;
 use aloft_effects::{Effect, EffectInstance, Target};
@@ -111,7 +113,7 @@ fn ask<'a>(
     kept: &[Explanation<'a>],
     options: &DiscoverOptions,
 ) -> Asked<'a> {
-    let Model { problem, likelihood, .. } = model;
+    let Model { session, problem, likelihood, .. } = model;
     // the same on the same place would be found again as its own remainder
     let mut of_effects = explanations(model, effects, before, options);
     for explanations in &mut of_effects {
@@ -122,7 +124,9 @@ fn ask<'a>(
     let scored: Vec<Scored<'a>> =
         posterior.effects.iter().filter_map(|e| scored(model, &e.explanations.first()?.0, e.ln_odds > 0.0)).collect();
     let by_recording = scored.first().map_or(f64::NEG_INFINITY, |s| ln_odds_by_recording(problem, s));
-    let sure = |e: &EffectPosterior<'_>| e.ln_odds.min(by_recording) > ODDS.ln();
+    // a size at the edge of what physics allows is another cause in disguise
+    let possible = scored.first().is_some_and(|s| plausible(s, &estimates(session, s).0));
+    let sure = |e: &EffectPosterior<'_>| possible && e.ln_odds.min(by_recording) > ODDS.ln();
     let mut named = Vec::new();
     if posterior.effects.first().is_some_and(sure) {
         let mut held = 0.0;
