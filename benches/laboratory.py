@@ -40,6 +40,7 @@ def arguments(doc, body="chain"):
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--aloft", default=str(ROOT / "target/release/aloft"))
     parser.add_argument("--body", choices=["chain", "human"], default=body)
+    parser.add_argument("--simulator", metavar="SCRIPT", help="a Python script that simulates the scenarios in place of `aloft simulate`")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out")
@@ -78,14 +79,14 @@ def proposed(aloft, pipeline, at):
     return shlex.split(found.group(1)) if found else None
 
 
-def prepare(aloft, place, scenarios, seed):
-    """The folder of recordings; of two scenarios, recordings 1-2 of the first and 3-5 of the second."""
+def prepare(aloft, place, scenarios, seed, simulator=None):
+    """The folder of recordings, by `aloft simulate` or another simulator; of two scenarios, recordings 1-2 of the first and 3-5 of the second."""
     folders = []
     for k, (body, hidden, *capture) in enumerate(scenarios):
         file, out = place / f"scenario{k}.yaml", place / f"data{k}"
         scenario = {"name": f"set{k}", "seed": seed, "body": body, "hidden": hidden}
         file.write_text(json.dumps({**scenario, "capture": capture[0]} if capture else scenario))
-        done = call(aloft, "simulate", file, "--out", out)
+        done = call(sys.executable, simulator, file, "--out", out) if simulator else call(aloft, "simulate", file, "--out", out)
         if done.returncode:
             raise RuntimeError(done.stderr[-500:])
         folders.append(out)
@@ -149,6 +150,7 @@ class Laboratories:
 
     def __init__(self, args):
         self.aloft, self.kind, self.seed = args.aloft, args.body, args.seed
+        self.simulator = getattr(args, "simulator", None)
         self.pipeline = ROOT / f"pipelines/{args.body}.yaml"
         self.out, self.lock = Path(args.out), threading.Lock()
         self.places = OrderedDict()
@@ -173,7 +175,7 @@ class Laboratories:
                 return self.places[key]
         folder = tempfile.TemporaryDirectory()
         place = Path(folder.name)
-        data = prepare(self.aloft, place, scenarios, seed)
+        data = prepare(self.aloft, place, scenarios, seed, self.simulator)
         at = ["--data", data, "--workspace", place / "ws"]
         done = call(self.aloft, "run", self.pipeline, *at)
         if done.returncode:

@@ -23,6 +23,7 @@ mod kill;
 mod layout;
 mod loop_on_people;
 mod markerless;
+mod moved_marker;
 mod names;
 mod newcomer;
 mod next_runs;

@@ -170,7 +170,7 @@ fn what_is_proposed_for_a_correction_runs() {
 
 #[test]
 fn what_is_proposed_where_effects_cannot_be_told_apart_runs_and_keeps_its_promise() {
-    let study = chain("{effect: constant_force, link: link0, force_n: [0.03, 0.0, 0.0]}", FEW);
+    let study = chain("{effect: constant_force, link: link0, force_n: [0.02, 0.0, 0.0]}", FEW);
     assert_eq!(study.follow(), ["discover", "effect add", "report"]);
     assert_eq!(*study.verdicts.borrow(), ["one_of"], "the test has lost its case");
 }

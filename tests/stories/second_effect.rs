@@ -13,13 +13,13 @@ fn discovered(scenario: &str) -> Value {
 
 /// With a limit of 90 % the second effect was never named, however many flights showed it.
 #[test]
-fn a_second_effect_that_leaves_more_than_nine_tenths_of_the_error_is_found_on_a_rigid_body() {
+fn a_second_effect_that_leaves_most_of_the_error_is_found_on_a_rigid_body() {
     let found = discovered("chain_small_second");
     let keys: Vec<&str> = found["found"].as_array().unwrap().iter().map(|f| f["key"].as_str().unwrap()).collect();
     assert_eq!(keys, ["rotor[link0]", "rotational_drag"], "{}", found["words"]);
     let round = found["rounds"].as_array().unwrap().iter().find(|r| names(&r["effects"]).contains(&"rotational_drag"));
     let ratio = round.unwrap()["candidates"][0]["held_out_ratio"].as_f64().unwrap();
-    assert!(ratio > 0.8, "{ratio}: the second effect is not small");
+    assert!(ratio > 0.7, "{ratio}: the second effect is not small");
 }
 
 /// Each of two resistances is judged beside the other, and what the answer says of each comes from

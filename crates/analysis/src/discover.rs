@@ -472,9 +472,13 @@ fn found(
     match to_correct {
         Some(wrong) if by_laws => found.advice.push(format!("if the law is not real: {}", wrong.words)),
         Some(wrong) => {
-            // errors that cannot be judged leave nothing unexplained, either
-            if wrong.void && found.verdict == Verdict::Unexplained {
+            // errors that cannot be judged leave nothing unexplained and name nothing, unless the
+            // correction is itself one of the effects
+            if wrong.void && (found.verdict == Verdict::Unexplained || named && !wrong.offered) {
                 found.verdict = Verdict::NotDetectable;
+                found.effects.clear();
+                found.groups.clear();
+                found.candidates.iter_mut().for_each(|c| c.believed = false);
             }
             doubt(&mut found, &wrong.words);
             found.advice.insert(0, wrong.words.clone());

@@ -118,7 +118,8 @@ fn a_force_that_all_draws_share_is_in_the_interval_of_a_tilt() {
     let (wider, _) = tilt(Some(&Drawn { force_x_n: forces, ..Drawn::default() }));
     let expected = T975 * root_mean_square(&forces) / mass_kg;
     assert!(half(&plain[0]) < 0.5 * expected, "{} {expected}", half(&plain[0]));
-    assert!((half(&wider[0]) / expected - 1.0).abs() < 0.1, "{} {expected}", half(&wider[0]));
+    // beside what all draws share there is noise
+    assert!((0.9..1.25).contains(&(half(&wider[0]) / expected)), "{} {expected}", half(&wider[0]));
     // a force along x is no tilt along y
     assert!(half(&wider[1]) < 0.5 * half(&wider[0]), "{} {}", half(&wider[1]), half(&wider[0]));
 }

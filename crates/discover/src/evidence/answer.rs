@@ -226,6 +226,8 @@ fn verdict(
     }
     let few = made.asked.first().is_none_or(|a| a.clusters < FEWEST_CLUSTERS);
     let above_noise = made.left > most_by_noise();
+    // something is missing, and what describes it best cannot be it
+    let at_limit = !few && made.asked.first().is_some_and(|a| a.at_limit);
     if !groups.is_empty() && !few {
         // what was found is a part of what is missing
         let [left, at_first] = [made.left, made.asked.first().map_or(f64::NAN, |a| a.left)].map(|x| x * x - 1.0);
@@ -236,9 +238,9 @@ fn verdict(
         return if alone { Verdict::Supported } else { Verdict::OneOf };
     }
     match before {
-        Some(b) if b.is_above() => Verdict::Unexplained,
+        Some(b) if b.is_above() || at_limit && !b.is_below() => Verdict::Unexplained,
         Some(b) if few || b.is_below() || b.is_undecided() || b.is_between() => Verdict::NotDetectable,
-        None if above_noise => Verdict::Unexplained,
+        None if above_noise || at_limit => Verdict::Unexplained,
         _ if few || made.asked.first().is_none_or(|a| a.scored.is_empty()) => Verdict::NotDetectable,
         _ => Verdict::NothingMissing,
     }

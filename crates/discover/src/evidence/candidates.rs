@@ -9,13 +9,13 @@ use super::starts::starts;
 use crate::candidate::{Variant, solve};
 use crate::nonlinear::{columns_and_slopes, improve};
 use crate::options::DiscoverOptions;
-use aloft_effects::Effect;
+use aloft_effects::{Effect, Target};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 /// Explanations by effects and targets; an effect that cannot act here has none. What is far behind
 /// the best of all is not fitted further: it would hold no probability. Fits begin where those of
-/// `before` ended, if there are any.
+/// `before` ended, on the targets that have any.
 pub(super) fn explanations<'a>(
     model: &Model<'_>,
     effects: &[&'a dyn Effect],
@@ -27,10 +27,10 @@ pub(super) fn explanations<'a>(
         effects.iter().copied().filter(|e| options.asks_for(*e) && model.may_show(*e)).collect();
     let begin = |effect: &&'a dyn Effect| {
         let of = before.and_then(|all| all.iter().find(|e| e.is_of(*effect)));
-        let found = match of {
-            Some(of) => of.again(session, problem),
-            None => starts(model, *effect),
-        };
+        let mut found = of.map(|of| of.again(session, problem)).unwrap_or_default();
+        // a target that was far behind beside another model need not be so beside this one
+        let ended: Vec<Target> = found.iter().map(|(v, _)| v.target).collect();
+        found.extend(starts(model, *effect).into_iter().filter(|(v, _)| !ended.contains(&v.target)));
         session.counter.one();
         found
     };

@@ -5,7 +5,8 @@
 //! the wrong strength. The force of the effect, as fitted, times a function of one variable is
 //! therefore one more explanation beside it: times the logarithm of its own strength (the first
 //! change of a power), times a line or a curve in a variable of the motion; and its rate, the first
-//! change of a delay. They share the prior of one explanation, and are named by the same odds.
+//! change of a delay. They share the prior of one explanation, and are named by the same odds, each
+//! beside the plain force.
 
 use super::by_recording::ln_odds;
 use super::explanation::Explanation;
@@ -50,7 +51,6 @@ struct Product {
 /// `removed` is the sum of squares that they took away.
 pub(super) fn misfit(model: &Model<'_>, kept: &[Explanation<'_>], found: &[Found], removed: f64) -> Option<Misfit> {
     let Model { session, problem, likelihood, .. } = model;
-    let nothing = likelihood.of_squares(problem.rss);
     let mut tried = Vec::new();
     for (i, (of, found)) in
         kept.iter().zip(found).enumerate().filter(|(_, (k, _))| k.acts_in_flight() && k.variant.effect.has_wrench())
@@ -58,14 +58,24 @@ pub(super) fn misfit(model: &Model<'_>, kept: &[Explanation<'_>], found: &[Found
         let theta: Vec<f64> = found.coefficients.iter().map(|e| e.value).collect();
         let unit = wrenches(session, &of.variant, &theta);
         let rate = rates(session, &unit);
+        let rows = |unit: &Wrenches, values: &[Vec<f64>], k: usize| {
+            columns(session, problem, unit, values, k, stride(session))
+        };
+        // inertia that an effect adds carries the errors of accelerations, which pull its size
+        // down: of the force alone a part is left
+        let own = rows(&unit, &unit.iter().map(|t| vec![1.0; t[0].len()]).collect::<Vec<_>>(), 1);
+        let (own_s, own_c) = problem.reduce_all(&own);
+        let of_own = own_c.dot(&pseudo_solve(&own_s, &own_c));
+        let nothing = likelihood.of_squares(problem.rss - of_own);
         let odds = |product: Product| {
             let unit = if product.on == On::Delay { &rate } else { &unit };
-            let made = columns(session, problem, unit, &product.values, product.columns, stride(session));
+            let made = rows(unit, &product.values, product.columns);
+            let made: Vec<DMatrix<f64>> = own.iter().zip(&made).map(|(a, b)| beside(a, b)).collect();
             let usable = made.iter().all(|c| c.iter().all(|x| x.is_finite()));
             let (s, c) = problem.reduce_all(Some(&made).filter(|_| usable)?);
-            let gain = c.dot(&pseudo_solve(&s, &c));
-            let seen = (0..c.len()).filter(|&k| s[(k, k)] > 0.0).count();
-            let ln = likelihood.of_squares(problem.rss - gain) - likelihood.of_coefficients(seen) - nothing;
+            let gain = c.dot(&pseudo_solve(&s, &c)) - of_own;
+            let seen = (1..c.len()).filter(|&k| s[(k, k)] > 0.0).count();
+            let ln = likelihood.of_squares(problem.rss - of_own - gain) - likelihood.of_coefficients(seen) - nothing;
             // the law of an effect is an idealisation
             (gain > IDEALISED * removed).then_some((ln, i, product, made))
         };
@@ -150,14 +160,13 @@ fn beside(a: &DMatrix<f64>, b: &DMatrix<f64>) -> DMatrix<f64> {
     out
 }
 
-/// Odds that recordings left out one by one give columns.
+/// Odds that recordings left out one by one give columns beside the first of them.
 fn gain_by_recording(problem: &Problem, columns: &[DMatrix<f64>]) -> f64 {
-    let reduced = problem.reduce(columns);
-    let gain = |(fold, r): (&Fold, &ReducedFold)| {
-        let left = &fold.test - &r.test * pseudo_solve(&r.s, &r.c);
-        (fold.error / left.norm_squared()).ln()
-    };
-    let gains = problem.folds.iter().zip(&reduced.folds).map(gain);
+    let first: Vec<DMatrix<f64>> = columns.iter().map(|c| c.columns(0, 1).into_owned()).collect();
+    let (without, with) = (problem.reduce(&first), problem.reduce(columns));
+    let left = |fold: &Fold, r: &ReducedFold| (&fold.test - &r.test * pseudo_solve(&r.s, &r.c)).norm_squared();
+    let folds = problem.folds.iter().zip(without.folds.iter().zip(&with.folds));
+    let gains = folds.map(|(fold, (without, with))| (left(fold, without) / left(fold, with)).ln());
     ln_odds(&gains.filter(|g| g.is_finite()).collect::<Vec<_>>())
 }
 

@@ -18,6 +18,7 @@
 //! | `answer` | verdict, effects found, words |
 
 mod answer;
+mod autoregression;
 mod beyond;
 mod by_recording;
 mod candidates;

@@ -2,14 +2,14 @@
 //! units.
 //!
 //! Draws of the errors of markers, plates and geometry give each row its errors ([`crate::drawn`]).
-//! For each kind of motion and axis their autocorrelation over neighbouring windows is pooled over
-//! all stretches, tapered (Bartlett) and divided by one count for all lags, so that it is positive
-//! definite; the variance of a stretch is between its own and that of all. With the inverse root
-//! L⁻¹ of that covariance the rows become `L⁻¹(Y φ − w)` with errors of unit variance. What all
-//! recordings have alike is a sum of the draws with random coefficients: a few columns with a
-//! prior.
+//! For each kind of motion and axis one autoregression describes how they follow each other over
+//! the windows of all stretches; the variance of a stretch is between its own and that of all. With
+//! the inverse root L⁻¹ of that covariance the rows become `L⁻¹(Y φ − w)` with errors of unit
+//! variance. What every recording of a person has alike is a few columns with a prior.
 
-use super::priors::{LINKED, OWN, POOLED, SHARED};
+use super::autoregression::Pooled;
+use super::priors::POOLED;
+use crate::DiscoverError;
 use crate::problem::{Domain, given_mass};
 use crate::session::{Block, Session, White};
 use aloft_effects::{EFFECTS, Effect, Target};
@@ -39,39 +39,30 @@ pub(super) struct MotionError {
     pub measured: DVector<f64>,
 }
 
-/// Variance and autocorrelation of one axis in one kind of motion.
-#[derive(Clone, Default)]
-struct Pooled {
-    /// Sums of products by lag, and the number of squares.
-    products: [f64; LINKED + 1],
-    count: usize,
-}
-
-impl Pooled {
-    fn variance(&self) -> Option<f64> {
-        (self.count > 0 && self.products[0] > 0.0).then(|| self.products[0] / self.count as f64)
-    }
-
-    fn correlation(&self, lag: usize) -> f64 {
-        let taper = 1.0 - lag as f64 / (LINKED + 1) as f64;
-        self.products.get(lag).map_or(0.0, |p| taper * p / self.products[0])
-    }
-}
-
 fn kind(block: &Block) -> usize {
     usize::from(block.kind == StretchKind::Contact)
 }
 
-/// Number of window steps between windows `a` and `b` of a block.
-fn lag(block: &Block, step: usize, a: usize, b: usize) -> usize {
-    let centres = &block.windows.centres;
-    (centres[a].abs_diff(centres[b]) + step / 2) / step
+/// Where each window of a block stands in steps from one window to the next; where windows were
+/// left out, numbers are.
+fn places(block: &Block) -> Vec<usize> {
+    let apart: Vec<usize> = block.windows.centres.windows(2).map(|w| w[1].abs_diff(w[0])).collect();
+    // window steps differ by a frame, where they are no whole number of frames
+    let step = apart.iter().copied().filter(|d| *d > 0).min().unwrap_or(1);
+    let steps = |frames: &usize| ((frames + step / 2) / step).max(1);
+    let next = |at: &mut usize, frames: &usize| {
+        *at += steps(frames);
+        Some(*at)
+    };
+    std::iter::once(0).chain(apart.iter().scan(0, next)).take(block.windows.centres.len()).collect()
 }
 
-/// Frames between neighbouring windows.
-fn step(block: &Block) -> usize {
-    let apart = block.windows.centres.windows(2).map(|w| w[0].abs_diff(w[1]));
-    apart.filter(|d| *d > 0).min().unwrap_or(1)
+/// An axis of rows in windows that follow each other by one step: where others were left out
+/// between them, another series begins.
+fn runs(block: &Block, rows: &DVector<f64>, axis: usize) -> Vec<Vec<f64>> {
+    let windows: Vec<(usize, usize)> = places(block).into_iter().enumerate().collect();
+    let together = windows.chunk_by(|a, b| b.1 - a.1 == 1);
+    together.map(|run| run.iter().map(|(w, _)| rows[6 * w + axis]).collect()).collect()
 }
 
 impl<'a> Session<'a> {
@@ -82,46 +73,29 @@ impl<'a> Session<'a> {
         if draws.is_empty() {
             return None;
         }
-        let mut pooled = vec![Pooled::default(); 12];
-        for (i, block) in self.blocks.iter().enumerate() {
-            let step = step(block);
-            let windows = block.windows.centres.len();
-            for rows in draws.iter().map(|d| &d[i]).filter(|rows| rows.len() == 6 * windows && rows.amax() > 0.0) {
-                for axis in 0..6 {
-                    let of = &mut pooled[6 * kind(block) + axis];
-                    of.count += windows;
-                    for a in 0..windows {
-                        for b in a..windows.min(a + LINKED + 1) {
-                            if let Some(sum) = of.products.get_mut(lag(block, step, a, b)) {
-                                *sum += rows[6 * a + axis] * rows[6 * b + axis];
-                            }
-                        }
-                    }
-                }
-            }
-        }
-        let known = |block: &Block| (0..6).all(|axis| pooled[6 * kind(block) + axis].variance().is_some());
+        let pooled = self.pooled(draws);
+        let known = |block: &Block| (0..6).all(|axis| pooled[6 * kind(block) + axis].is_some());
         let kept: Vec<bool> = self.blocks.iter().map(|b| b.y.nrows() > 0 && known(b)).collect();
         if !kept.contains(&true) {
             return None;
         }
         let mut session = self.with_rows_of(&kept);
-        let mut shared = Vec::with_capacity(session.blocks.len());
-        let mut rows = 0;
-        let share = (SHARED / draws.len() as f64).sqrt();
-        for (i, block) in session.blocks.iter_mut().enumerate() {
-            let n = block.y.nrows();
-            let mut columns = DMatrix::from_fn(n, draws.len(), |r, d| share * session.drawn.rows[d][i][r]);
-            if n > 0 {
-                let white = inverse_root(block, &pooled, draws.iter().map(|d| &d[i]))?;
-                block.y = white.times(&block.y);
-                block.w = white.times(&column(&block.w)).column(0).into_owned();
-                columns = white.times(&columns);
-                rows += n - block.zero.as_ref().map_or(0, |z| z.ncols());
-                block.white = Some(Arc::new(white));
-            }
-            shared.push(columns);
+        let mut draws = session.drawn.rows.clone();
+        if session.prior.is_some() {
+            let white = session.whites(&pooled, &draws)?;
+            session.take_out_parameters(&white, &mut draws).ok()?; // none: rows without parameters
         }
+        let pooled = session.pooled(&draws);
+        let whites = session.whites(&pooled, &draws)?;
+        let mut rows = 0;
+        for (block, white) in session.blocks.iter_mut().zip(whites) {
+            let Some(white) = white else { continue };
+            block.y = white.times(&block.y);
+            block.w = white.times(&column(&block.w)).column(0).into_owned();
+            rows += block.y.nrows() - block.zero.as_ref().map_or(0, |z| z.ncols());
+            block.white = Some(Arc::new(white));
+        }
+        let mut shared: Vec<DMatrix<f64>> = session.blocks.iter().map(|b| DMatrix::zeros(b.y.nrows(), 0)).collect();
         if session.prior.is_some() {
             session.usual_errors(&mut shared);
         }
@@ -132,6 +106,59 @@ impl<'a> Session<'a> {
 }
 
 impl Session<'_> {
+    /// Variance and autocorrelation of draws by kind of motion and axis; none where no draw has an
+    /// error.
+    fn pooled(&self, draws: &[Vec<DVector<f64>>]) -> Vec<Option<Pooled>> {
+        let mut series: [Vec<Vec<f64>>; 12] = Default::default();
+        for (i, block) in self.blocks.iter().enumerate() {
+            let with_errors = |rows: &&DVector<f64>| rows.len() == block.y.nrows() && rows.amax() > 0.0;
+            for rows in draws.iter().map(|d| &d[i]).filter(with_errors) {
+                (0..6).for_each(|axis| series[6 * kind(block) + axis].extend(runs(block, rows, axis)));
+            }
+        }
+        let lags = self.blocks.iter().filter_map(|b| places(b).last().copied()).max().unwrap_or(0);
+        series.par_iter().map(|of| Pooled::of(of, lags)).collect()
+    }
+
+    /// L⁻¹ of every block; none in a block without rows.
+    fn whites(&self, pooled: &[Option<Pooled>], draws: &[Vec<DVector<f64>>]) -> Option<Vec<Option<White>>> {
+        let of = |(i, block): (usize, &Block)| match block.y.nrows() {
+            0 => Some(None),
+            _ => Some(Some(inverse_root(block, pooled, draws.iter().map(|d| &d[i]))?)),
+        };
+        self.blocks.iter().enumerate().map(of).collect()
+    }
+
+    /// Takes out of draws what the parameters of the body would take of them in a fit: an error of
+    /// the geometry is for the greater part a change of parameters, which no data could show.
+    fn take_out_parameters(
+        &self,
+        white: &[Option<White>],
+        draws: &mut [Vec<DVector<f64>>],
+    ) -> Result<(), DiscoverError> {
+        let p = self.blocks.first().map_or(0, |b| b.y.ncols());
+        let (_, root) = given_mass(self, p)?;
+        let own: Vec<DMatrix<f64>> = self.blocks.iter().map(|b| b.y.columns(1, p - 1) * &root).collect();
+        let blocks: Vec<(usize, DMatrix<f64>, &White)> = own
+            .iter()
+            .zip(white)
+            .enumerate()
+            .filter_map(|(i, (own, white))| Some((i, white.as_ref()?.times(own), white.as_ref()?)))
+            .collect();
+        let mut gram = DMatrix::identity(p - 1, p - 1);
+        blocks.iter().for_each(|(_, a, _)| gram += a.tr_mul(a));
+        let cholesky = gram.cholesky().ok_or_else(|| DiscoverError::Numeric("the prior is not finite".to_owned()))?;
+        draws.par_iter_mut().for_each(|draw| {
+            let mut right = DVector::zeros(p - 1);
+            for (i, a, white) in &blocks {
+                right += a.tr_mul(&white.times(&column(&draw[*i])).column(0));
+            }
+            let z = cholesky.solve(&right);
+            draw.iter_mut().zip(&own).filter(|(d, _)| !d.is_empty()).for_each(|(d, own)| *d -= own * &z);
+        });
+        Ok(())
+    }
+
     /// Adds to `shared` the errors that ordinary recordings of a person have: skin that slides.
     fn usual_errors(&self, shared: &mut [DMatrix<f64>]) {
         let usual = EFFECTS.iter().filter(|e| e.about().usual_sd > 0.0);
@@ -187,24 +214,29 @@ fn seen_directions(columns: &mut [DMatrix<f64>]) {
 }
 
 /// L⁻¹ of the covariance of a block's rows.
-fn inverse_root<'d>(block: &Block, pooled: &[Pooled], draws: impl Iterator<Item = &'d DVector<f64>>) -> Option<White> {
+fn inverse_root<'d>(
+    block: &Block,
+    pooled: &[Option<Pooled>],
+    draws: impl Iterator<Item = &'d DVector<f64>>,
+) -> Option<White> {
     let n = block.y.nrows();
     let (mut own, mut count) = ([0.0; 6], 0);
-    for rows in draws.filter(|rows| rows.amax() > 0.0) {
+    for rows in draws.filter(|rows| !rows.is_empty() && rows.amax() > 0.0) {
         rows.iter().enumerate().for_each(|(row, x)| own[row % 6] += x * x);
         count += n / 6;
     }
     let variance = |axis: usize| {
-        let of_all = pooled[6 * kind(block) + axis].variance()?;
+        let of_all = pooled[6 * kind(block) + axis].as_ref()?.variance;
         Some(if count > 0 { POOLED * of_all + (1.0 - POOLED) * own[axis] / count as f64 } else { of_all })
     };
     let variances: Option<Vec<f64>> = (0..6).map(variance).collect();
-    let (variances, step) = (variances?, step(block));
+    let (variances, places) = (variances?, places(block));
     let windows = n / 6;
     let of_axis = |axis: usize| {
         DMatrix::from_fn(windows, windows, |a, b| {
-            let own = if a == b { OWN } else { 0.0 };
-            variances[axis] * (pooled[6 * kind(block) + axis].correlation(lag(block, step, a, b)) + own)
+            let correlation = |p: &Pooled| p.correlation(places[a].abs_diff(places[b]));
+            let rounding = if a == b { f64::from(f32::EPSILON) } else { 0.0 };
+            variances[axis] * (rounding + pooled[6 * kind(block) + axis].as_ref().map_or(0.0, correlation))
         })
     };
     let Some(zero) = &block.zero else {

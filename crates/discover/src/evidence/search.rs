@@ -8,7 +8,7 @@ use super::form::{late, misfit};
 use super::likelihood::Likelihood;
 use super::model::Model;
 use super::posterior::{EffectPosterior, Posterior};
-use super::priors::{FAR_BEHIND, HELD, ODDS, SHARE, TO_THE_END, TURNS};
+use super::priors::{FAR_BEHIND, HELD, IDEALISED, ODDS, SHARE, TO_THE_END, TURNS};
 use crate::DiscoverError;
 use crate::candidate::{Scored, pseudo_inverse, score};
 use crate::ladder::estimates;
@@ -30,6 +30,9 @@ pub(super) struct Asked<'a> {
     /// Effects that hold 95 % of what is not "nothing", the likeliest first; none where "nothing"
     /// stands.
     pub named: Vec<String>,
+    /// True where something is likelier than "nothing", and the best explanation of it has a size
+    /// that physics does not allow.
+    pub at_limit: bool,
     /// Held-out squares of each recording (or stretch) without a further effect.
     pub plain: Vec<f64>,
     pub likelihood: Likelihood,
@@ -86,6 +89,11 @@ pub(super) fn search<'a>(
         asked.model.clone_from(&keys);
         asked.model.extend(out.found.iter().map(|f| f.key.clone()));
         let best = asked.best().cloned();
+        // what the effects found leave because they are idealised is no further effect
+        let gain = model.problem.rss - best.as_ref().map_or(f64::INFINITY, |b| b.left);
+        if gain <= IDEALISED * (at_first - model.problem.rss) {
+            asked.named.clear();
+        }
         let named = !asked.named.is_empty();
         out.asked.push(asked);
         let Some(best) = best.filter(|_| named) else { break };
@@ -126,9 +134,9 @@ fn ask<'a>(
     let by_recording = scored.first().map_or(f64::NEG_INFINITY, |s| ln_odds_by_recording(problem, s));
     // a size at the edge of what physics allows is another cause in disguise
     let possible = scored.first().is_some_and(|s| plausible(s, &estimates(session, s).0));
-    let sure = |e: &EffectPosterior<'_>| possible && e.ln_odds.min(by_recording) > ODDS.ln();
+    let sure = posterior.effects.first().is_some_and(|e| e.ln_odds.min(by_recording) > ODDS.ln());
     let mut named = Vec::new();
-    if posterior.effects.first().is_some_and(sure) {
+    if sure && possible {
         let mut held = 0.0;
         let all = 1.0 - posterior.nothing;
         for e in &posterior.effects {
@@ -144,6 +152,7 @@ fn ask<'a>(
         scored,
         by_recording,
         named,
+        at_limit: sure && !possible,
         plain: problem.folds.iter().map(|f| f.error).collect(),
         likelihood: *likelihood,
         ln_nothing: likelihood.of_squares(problem.rss),
