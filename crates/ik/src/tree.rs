@@ -273,14 +273,19 @@ impl Tree {
         }
     }
 
-    /// Flips the quaternions of `q` to the signs of those in `like`, so that components vary
-    /// continuously.
-    pub fn align_signs(&self, like: &[f64], q: &mut [f64]) {
+    /// Writes the posture `q` as near to `like` as it can be written, so that coordinates vary
+    /// continuously: the sign of each quaternion, and whole turns of each hinge.
+    pub fn align(&self, like: &[f64], q: &mut [f64]) {
         for link in &self.links {
             let at = match link.kind {
                 JointKind::Free => link.q_offset + 3,
                 JointKind::Spherical => link.q_offset,
-                _ => continue,
+                JointKind::Revolute(_) => {
+                    let turns = ((q[link.q_offset] - like[link.q_offset]) / std::f64::consts::TAU).round();
+                    q[link.q_offset] -= turns * std::f64::consts::TAU;
+                    continue;
+                }
+                JointKind::Prismatic(_) | JointKind::Fixed => continue,
             };
             let dot: f64 = (at..at + 4).map(|i| like[i] * q[i]).sum();
             if dot < 0.0 {

@@ -140,6 +140,31 @@ fn same_result_at_any_number_of_threads() {
     }
 }
 
+/// A hinge that turns three times while the recording is solved in pieces, each of which begins at
+/// the posture at rest: its angle goes on over the boundaries, and through a gap.
+#[test]
+fn the_angle_of_a_hinge_that_turns_many_times_is_continuous() {
+    let subject = chain();
+    let q = subject.model.links[1].joint.q_offset;
+    let mut truth = motion(&subject, 250, 100.0, 0.3, 9);
+    let turned = |f: usize| 0.5 + 3.0 * std::f64::consts::TAU * f as f64 / 250.0;
+    truth.iter_mut().enumerate().for_each(|(f, x)| x[q] = turned(f));
+    let mut trial = trial(&subject, &truth, 100.0, 3e-4, 9);
+    for trajectory in &mut trial.markers.trajectories {
+        trajectory[100..104].fill(Vector3::repeat(f64::NAN));
+    }
+    let options = IkOptions { chunk_frames: 64, warm_up_frames: 10, ..IkOptions::default() };
+    let found = solve(&subject, &trial, &options).unwrap().motion;
+    let valid: Vec<usize> = (0..250).filter(|f| found.is_valid(*f)).collect();
+    assert!(valid.len() > 240);
+    let apart = |f: usize| found.q(f)[q] - turned(f);
+    let turns = apart(0) / std::f64::consts::TAU;
+    assert!((turns - turns.round()).abs() < 0.01, "{turns}");
+    for f in valid {
+        assert!((apart(f) - apart(0)).abs() < 0.05, "frame {f}: {} rad for {}", found.q(f)[q], turned(f));
+    }
+}
+
 #[test]
 fn locked_coordinates_stay() {
     let subject = person();
