@@ -105,10 +105,10 @@ fn solve_with(subject: &Subject, trial: &Trial, options: &IkOptions, deviations:
         motion.q_sd.extend_from_slice(&piece.q_sd);
     }
     // each piece counts the turns of its hinges from the posture at rest
-    continuous(&problem, &mut motion);
+    problem.tree.make_continuous(&mut motion.q);
     let longest = (options.bridge_gaps_s * motion.rate_hz + 1e-9).max(0.0) as usize;
     let n_bridged = if longest > 0 { bridge(&problem, trial, &sources, &mut motion, longest) } else { 0 };
-    continuous(&problem, &mut motion);
+    problem.tree.make_continuous(&mut motion.q);
     let solved: Vec<bool> = (0..n_frames).map(|f| motion.is_valid(f)).collect();
     let mut report = IkReport::gather(&trial.name, &motion.marker_labels, &motion.residual_m, &solved);
     report.n_bridged = n_bridged;
@@ -124,18 +124,6 @@ fn solve_with(subject: &Subject, trial: &Trial, options: &IkOptions, deviations:
     report.missing_labels = all.into_iter().filter(|l| trial.markers.index(l).is_none()).collect();
     report.unused_labels = trial.markers.labels.iter().filter(|l| !motion.marker_labels.contains(l)).cloned().collect();
     Ok(IkResult { motion, report })
-}
-
-/// Writes each posture as near to the one before it as it can be written.
-fn continuous(problem: &Problem, motion: &mut Motion) {
-    let mut last: Vec<f64> = Vec::with_capacity(motion.nq);
-    for q in motion.q.chunks_exact_mut(motion.nq).filter(|q| q[0].is_finite()) {
-        if !last.is_empty() {
-            problem.tree.align(&last, q);
-        }
-        last.clear();
-        last.extend_from_slice(q);
-    }
 }
 
 /// Joints beyond their ranges in a motion, the farthest first.

@@ -294,6 +294,19 @@ impl Tree {
         }
     }
 
+    /// Writes each of successive postures as near to the one before it as it can be written;
+    /// postures that were not solved are left out.
+    pub fn make_continuous(&self, postures: &mut [f64]) {
+        let mut last: Vec<f64> = Vec::with_capacity(self.nq);
+        for q in postures.chunks_exact_mut(self.nq).filter(|q| q[0].is_finite()) {
+            if !last.is_empty() {
+                self.align(&last, q);
+            }
+            last.clear();
+            last.extend_from_slice(q);
+        }
+    }
+
     /// Rotation of `parent_from_joint` in the world, to which the joint's own rotation is applied.
     pub fn joint_rotation(&self, index: usize, pose: &Pose) -> Matrix3<f64> {
         let link = &self.links[index];
