@@ -9,6 +9,7 @@ use crate::session::Session;
 use aloft_effects::Effect;
 
 /// One effect: its explanations, best first, with their share of the effect's probability.
+#[derive(Clone)]
 pub(super) struct EffectPosterior<'a> {
     pub explanations: Vec<(Explanation<'a>, f64)>,
     /// Logarithm of its odds against "nothing missing", prior odds included.
@@ -35,6 +36,7 @@ impl<'a> EffectPosterior<'a> {
 }
 
 /// Probabilities of all effects, the likeliest first, and that of "nothing missing".
+#[derive(Clone)]
 pub(super) struct Posterior<'a> {
     pub effects: Vec<EffectPosterior<'a>>,
     pub nothing: f64,

@@ -8,7 +8,7 @@ use super::form::{late, misfit};
 use super::likelihood::Likelihood;
 use super::model::Model;
 use super::posterior::{EffectPosterior, Posterior};
-use super::priors::{FAR_BEHIND, HELD, IDEALISED, ODDS, SHARE, TO_THE_END, TURNS};
+use super::priors::{FAR_BEHIND, FURTHER, HELD, ODDS, SHARE, TO_THE_END, TURNS};
 use crate::DiscoverError;
 use crate::candidate::{Scored, pseudo_inverse, score};
 use crate::ladder::estimates;
@@ -20,6 +20,7 @@ use crate::session::Session;
 use aloft_effects::{Effect, EffectInstance, Target};
 
 /// One question: which effect is missing beside those found before.
+#[derive(Clone)]
 pub(super) struct Asked<'a> {
     pub posterior: Posterior<'a>,
     /// The best explanation of each effect, judged on recordings left out, in the order of the
@@ -88,20 +89,34 @@ pub(super) fn search<'a>(
         let mut asked = ask(&model, effects, None, &out.kept, options);
         asked.model.clone_from(&keys);
         asked.model.extend(out.found.iter().map(|f| f.key.clone()));
-        let best = asked.best().cloned();
+        let Some(best) = asked.best().cloned() else {
+            out.asked.push(asked);
+            break;
+        };
         // what the effects found leave because they are idealised is no further effect
-        let gain = model.problem.rss - best.as_ref().map_or(f64::INFINITY, |b| b.left);
-        if gain <= IDEALISED * (at_first - model.problem.rss) {
+        if model.problem.rss - best.left <= FURTHER * (at_first - model.problem.rss) {
             asked.named.clear();
         }
         let named = !asked.named.is_empty();
-        out.asked.push(asked);
-        let Some(best) = best.filter(|_| named) else { break };
+        let likely = asked.posterior.effects.first().is_some_and(|e| e.ln_odds > ODDS.ln());
+        if !named && (out.kept.is_empty() || !likely) {
+            out.asked.push(asked);
+            break;
+        }
+        let before = (out.kept.clone(), out.asked.clone());
+        out.asked.push(asked.clone());
         out.kept.push(best);
         let beside = |kept: &[Explanation<'a>]| Model::of(&units, accepted, kept, &[], options);
         together(&mut out.kept, beside)?;
         exchange(&mut out, effects, &keys, options, beside)?;
         prune(&mut out, beside)?;
+        // what is likely by rows alone may show that another one was a compromise; it stays only if
+        // it is named in the end
+        if out.asked.iter().any(|a| a.named.is_empty()) {
+            (out.kept, out.asked) = before;
+            out.asked.push(asked);
+            break;
+        }
         out.found = found(session, &out.kept, beside)?;
     }
     Ok(Some(out))
