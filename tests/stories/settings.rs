@@ -12,7 +12,7 @@ use std::path::Path;
 const ABSURD: [&str; 11] = [".nan", ".inf", "-.inf", "1e999", "1e38", "-1e38", "-1", "0", "abc", "\"5\"", "[1]"];
 
 /// Those of these values that are accepted, by setting: the value, and why it is meaningful.
-const ACCEPTED: [(&str, &str, &str); 29] = [
+const ACCEPTED: [(&str, &str, &str); 30] = [
     ("corrections.plate_delay_s", "0", "nothing is corrected"),
     ("set.corrections.plate_zero.L0_1.force_n", "-1", "a reading, of a subject who is not in this session"),
     ("set.corrections.plate_zero.L0_1.moment_nm", "-1", "a reading, of a subject who is not in this session"),
@@ -22,6 +22,7 @@ const ACCEPTED: [(&str, &str, &str); 29] = [
     ("import.rigid_fill_s", "0", "no gap is filled from the segment"),
     ("import.least_fraction", "0", "a truncated file is used as far as it goes"),
     ("ik.weights.L0_1", "0", "the marker is not used"),
+    ("flight.stated.from_s", "0", "from the first frame"),
     ("flight.margin_s", "0", "nothing is left out at the ends"),
     ("regressor.window_s", "0", "the stretch decides"),
     ("regressor.slow_noise", "0", "white noise alone"),
@@ -112,6 +113,10 @@ fn with(data: &str, path: &[String], token: &str) -> String {
             "static_frames" => {
                 at["static_frames"] = json!({"trial": "throws_01", "first": 1, "last": 30});
                 &mut at["static_frames"]
+            }
+            "stated" => {
+                at["stated"] = json!([{"from_s": 0.2, "to_s": 0.5}]);
+                &mut at["stated"]
             }
             "0" => &mut at[0],
             "vertical_deg" => {

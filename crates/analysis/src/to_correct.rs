@@ -7,6 +7,7 @@
 use crate::impulse_mass::ImpulseMassView;
 use crate::kinematics::KinematicsRow;
 use crate::plates_follow::plates_follow;
+use crate::unseen::unseen;
 use aloft_compare::{Comparison, GroupedBy, TrialComparison, significant};
 use aloft_flight::FlightReport;
 use aloft_scale::{ScaleReport, ScaleWarning};
@@ -67,6 +68,9 @@ pub(crate) fn to_correct(
         let words = impulse?.wrong.clone()?;
         Some(ToCorrect { words, first: true, void: true, offered: true })
     };
+    if let Some(found) = unseen(session, ws)? {
+        return Ok(Some(found));
+    }
     if let Some(found) = markers(comparison, rows, weight_n) {
         return Ok(Some(found));
     }

@@ -58,7 +58,7 @@ impl C3dFile {
         let data = &bytes[start..start + layout.frame_bytes() * layout.n_frames];
 
         let point_scale = decide_point_scale(&header, &groups, layout.storage, &mut warnings);
-        let point_rate_hz = decide_point_rate(&header, &groups, &mut warnings);
+        let point_rate_hz = decide_point_rate(&header, &groups, &layout, &mut warnings);
         let analog_rate_hz = decide_analog_rate(&groups, &layout, point_rate_hz, &mut warnings);
 
         let (mut points, point_unit) = describe_points(&groups, &layout, &mut warnings);
@@ -355,7 +355,9 @@ fn decide_point_scale(header: &Header, groups: &Parameters, storage: Storage, wa
     }
 }
 
-fn decide_point_rate(header: &Header, groups: &Parameters, warnings: &mut Vec<Warning>) -> f64 {
+/// The rate of the points: POINT:RATE, the header, the analog rate over its samples a frame, or the
+/// rate of the cameras; 0 where the file states none.
+fn decide_point_rate(header: &Header, groups: &Parameters, layout: &Layout, warnings: &mut Vec<Warning>) -> f64 {
     let usable = |r: &f64| r.is_finite() && *r > 0.0;
     let by_header = Some(f64::from(header.rate_hz)).filter(usable);
     let by_parameter = groups.get("POINT", "RATE").and_then(|p| p.number()).filter(usable);
@@ -375,8 +377,19 @@ fn decide_point_rate(header: &Header, groups: &Parameters, warnings: &mut Vec<Wa
             rate
         }
         (None, None) => {
-            warnings.push(Warning::new(WarningKind::Missing, "no point rate in parameters or header; taken as 1 Hz"));
-            1.0
+            let number = |group, name| groups.get(group, name).and_then(|p| p.number()).filter(usable);
+            let by_channels =
+                number("ANALOG", "RATE").filter(|_| layout.n_channels > 0 && layout.samples_per_frame > 0);
+            let by_channels = by_channels.map(|rate| rate / layout.samples_per_frame as f64);
+            let found = by_channels
+                .map(|rate| (rate, "ANALOG:RATE and its samples a frame"))
+                .or_else(|| number("TRIAL", "CAMERA_RATE").map(|rate| (rate, "TRIAL:CAMERA_RATE")));
+            let message = match found {
+                Some((rate, from)) => format!("no point rate in parameters or header; {rate} Hz taken from {from}"),
+                None => "no point rate anywhere in the file".to_owned(),
+            };
+            warnings.push(Warning::new(WarningKind::Missing, message));
+            found.map_or(0.0, |f| f.0)
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::screen::{Cell, columns_of, cut, labelled, table, width};
 use crate::stop::Stop;
 use aloft_analysis::compare::{ComparisonView, compare};
 use aloft_analysis::corrections::offers;
-use aloft_analysis::held_markers::held_markers;
+use aloft_analysis::left_out::left_out;
 use aloft_analysis::next_step::{NextStep, next_step};
 use aloft_analysis::persons::{chosen_person, persons, several_persons};
 use aloft_analysis::repeated::{EXCLUDE, repeated, repeated_words};
@@ -102,8 +102,8 @@ pub fn show(
         if let Some(words) = repeated_words(&repeated(session)?) {
             out(labelled("repeated    ", &format!("{words}; {EXCLUDE}")))?;
         }
-        if let Some(words) = held_markers(session)? {
-            out(labelled("held        ", &words))?;
+        if let Some(words) = left_out(session)? {
+            out(labelled("left out    ", &words))?;
         }
     }
     if let Some(summary) = summary {

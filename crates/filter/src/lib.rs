@@ -22,7 +22,8 @@
 //! ω × v` (the convention of [`aloft_body::State::acceleration`]).
 
 use aloft_body::{JointKind, Model, Motion};
-use aloft_signal::{Butterworth, DesignError, LowPass, derivative::derivatives_of_run, runs_where};
+use aloft_signal::derivative::derivatives_of_run;
+use aloft_signal::{Butterworth, DesignError, LowPass, SHORT_RUN_S, parabola_of, runs_where};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use std::f64::consts::{PI, TAU};
 
@@ -112,7 +113,16 @@ pub fn smooth(model: &Model, motion: &Motion, spec: Option<LowPass>) -> Result<M
     if let Some(spec) = spec {
         let filter =
             Butterworth::design(spec, rate_hz).map_err(|source| SmoothError::Filter { trial: trial(), source })?;
+        // a flight that the recording ends in is filtered about its own parabola
+        let parabolas = short_parabolas(model, &q, rate_hz);
+        let add = |q: &mut [f64], sign: f64| {
+            for (channel, from, values) in &parabolas {
+                values.iter().enumerate().for_each(|(i, x)| q[(from + i) * nq + channel] += sign * x);
+            }
+        };
+        add(&mut q, -1.0);
         filter.filtfilt_interleaved(&mut q, nq);
+        add(&mut q, 1.0);
     }
     for frame in q.chunks_exact_mut(nq.max(1)) {
         model.normalize(frame);
@@ -145,6 +155,23 @@ pub fn smooth(model: &Model, motion: &Motion, spec: Option<LowPass>) -> Result<M
         }
     }
     Ok(Motion { nv, q, v, a, ..motion_without_series(motion) })
+}
+
+/// Parabolas of the free joints' translations in runs of at most [`SHORT_RUN_S`]: channel, first
+/// frame, values.
+fn short_parabolas(model: &Model, q: &[f64], rate_hz: f64) -> Vec<(usize, usize, Vec<f64>)> {
+    let (nq, n) = (model.nq, q.len() / model.nq.max(1));
+    let free = model.links.iter().filter(|l| l.joint.kind == JointKind::Free).map(|l| l.joint.q_offset);
+    let mut out = Vec::new();
+    for channel in free.flat_map(|at| at..at + 3) {
+        let values: Vec<f64> = q.iter().skip(channel).step_by(nq).copied().collect();
+        for run in
+            runs_where(n, |f| values[f].is_finite()).into_iter().filter(|r| r.len() as f64 <= SHORT_RUN_S * rate_hz)
+        {
+            out.push((channel, run.start, parabola_of(&values[run])));
+        }
+    }
+    out
 }
 
 fn motion_without_series(motion: &Motion) -> Motion {

@@ -15,6 +15,7 @@ use aloft_body::{Model, Motion, Phi};
 use aloft_signal::upper_median;
 use aloft_trial::{Markers, Trial};
 use nalgebra::Vector3;
+use std::ops::Range;
 
 /// Tolerated time difference between plates and motion, in addition to the guards, without a
 /// warning, s.
@@ -26,6 +27,39 @@ const UNSTEADY: f64 = 0.2;
 const AT_REST: f64 = 0.05;
 /// … for at least this long in total, s.
 const LEAST_REST_S: f64 = 0.15;
+
+/// The flights that are stated, where the motion is solved.
+fn stated(trial: &Trial, motion: Option<&Motion>, options: &FlightOptions) -> FlightReport {
+    /// Fewest frames with an acceleration.
+    const FEWEST: usize = 6;
+    let n = motion.map_or(trial.markers.n_frames, Motion::n_frames);
+    let rate_hz = motion.map_or(trial.markers.rate_hz, |m| m.rate_hz);
+    let frame = |s: f64| ((s * rate_hz).round().max(0.0) as usize).min(n);
+    let spans: Vec<Range<usize>> = match options.stated_s.as_slice() {
+        [] => vec![0..n; 1],
+        stated => stated.iter().map(|[from, to]| frame(*from)..frame(*to)).collect(),
+    };
+    let mut report = FlightReport { trial: trial.name.clone(), rate_hz, ..FlightReport::default() };
+    for span in spans {
+        let solved = |i: usize| motion.is_none_or(|m| m.is_valid(span.start + i));
+        for run in aloft_signal::runs_where(span.len(), solved) {
+            let (start, end) = (span.start + run.start, span.start + run.end);
+            if run.len() < FEWEST {
+                report.rejected.push(Rejected { start, end, reason: RejectionReason::TooShort });
+                continue;
+            }
+            report.flights.push(Flight {
+                start,
+                end,
+                source: FlightSource::Stated,
+                takeoff_source: EdgeSource::Stated,
+                landing_source: EdgeSource::Stated,
+                mean_acceleration_mps2: [f64::NAN; 3],
+            });
+        }
+    }
+    report
+}
 
 /// Finds the flights of a trial with whatever it has: plates, motion (with model and prior
 /// inertias), or both.
@@ -43,6 +77,14 @@ pub fn find_flights(
         motion.map_or_else(|| Vector3::new(0.0, 0.0, -options.gravity_mps2), |(model, ..)| model.gravity_mps2);
     let bare = FlightOptions { margin_frames: 0, gravity_mps2: gravity.norm(), ..options.clone() };
     let (mut report, path) = match (options.method, motion, trial.plates.is_empty()) {
+        (FlightMethod::Stated, _, _) => {
+            let mut report = stated(trial, motion.map(|m| m.2), options);
+            let path = match motion {
+                Some((model, phi, motion)) => Some(weigh_flights(&mut report, model, phi, motion)?),
+                None => None,
+            };
+            (report, path)
+        }
         (FlightMethod::Plates, _, true) => return Err(missing("plates", "force plates")),
         (FlightMethod::Motion, None, _) => return Err(missing("motion", "a motion")),
         (FlightMethod::Auto, None, true) => return Err(missing("auto", "force plates or a motion")),

@@ -16,6 +16,8 @@ pub enum EdgeSource {
     Contact,
     /// The recording (or the solved part of it) ends there.
     Recording,
+    /// The user.
+    Stated,
 }
 
 /// Evidence for the flight as a whole.
@@ -28,6 +30,8 @@ pub enum FlightSource {
     Motion,
     /// Both agree.
     Both,
+    /// Stated by the user.
+    Stated,
 }
 
 /// Frames without external contact: marker frames `start..end`, `end` not included.
@@ -83,7 +87,8 @@ pub enum RejectionReason {
     TooShort,
     /// Longer than the maximum duration of a flight.
     TooLong,
-    /// No plate is loaded, but the body does not fall freely: it stands or moves beside the plates.
+    /// The body does not fall freely: it stands or moves beside the plates, or touches something in
+    /// between.
     NotFalling {
         /// Vertical acceleration, m/s².
         vertical_mps2: f64,
@@ -107,10 +112,7 @@ impl std::fmt::Display for RejectionReason {
             Self::TooShort => write!(f, "shorter than the shortest flight"),
             Self::TooLong => write!(f, "longer than the longest flight"),
             Self::NotFalling { vertical_mps2 } => {
-                write!(
-                    f,
-                    "no plate is loaded, but the body is not in steady free fall (vertical acceleration {vertical_mps2:.1} m/s²)"
-                )
+                write!(f, "the body is not in steady free fall (vertical acceleration {vertical_mps2:.1} m/s²)")
             }
             Self::Gradual => write!(f, "the acceleration comes and goes gradually, as in a movement on the ground"),
             Self::NotBounded => write!(f, "no plate is loaded up to an end of the recording; needs a solved motion"),

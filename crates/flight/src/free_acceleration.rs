@@ -12,7 +12,9 @@
 use crate::FlightOptions;
 use crate::error::FlightError;
 use aloft_body::Motion;
-use aloft_signal::{Butterworth, CutoffCorrection, LowPass, derivatives, runs_where};
+use aloft_signal::{
+    Butterworth, CutoffCorrection, LowPass, SHORT_RUN_S, derivatives, finite_runs, parabola_of, runs_where,
+};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -100,12 +102,34 @@ impl Acceleration {
         let mut mps2 = vec![Vector3::repeat(f64::NAN); com_m.len()];
         for axis in 0..3 {
             let mut channel: Vec<f64> = com_m.iter().map(|p| p[axis]).collect();
+            let short = |run: &Range<usize>| run.len() as f64 <= SHORT_RUN_S * motion.rate_hz;
+            let parabolas: Vec<(Range<usize>, Vec<f64>)> = finite_runs(&channel)
+                .into_iter()
+                .filter(short)
+                .map(|run| (run.clone(), parabola_of(&channel[run])))
+                .collect();
+            let add = |channel: &mut [f64], sign: f64| {
+                for (run, values) in &parabolas {
+                    channel[run.clone()].iter_mut().zip(values).for_each(|(c, x)| *c += sign * x);
+                }
+            };
+            add(&mut channel, -1.0);
             filter.filtfilt(&mut channel);
+            add(&mut channel, 1.0);
             for (out, a) in mps2.iter_mut().zip(derivatives(&channel, motion.rate_hz).1) {
                 out[axis] = a;
             }
         }
         Ok(Self { mps2, rate_hz: motion.rate_hz })
+    }
+
+    /// True if the run of solved frames around a stretch was filtered about its own parabola, so
+    /// that its ends are as good as its middle.
+    pub(crate) fn is_in_short_run(&self, stretch: &Range<usize>) -> bool {
+        let solved = |f: &usize| self.mps2[*f].x.is_finite();
+        let before = (0..stretch.start).rev().take_while(solved).count();
+        let after = (stretch.end..self.mps2.len()).take_while(solved).count();
+        (before + stretch.len() + after) as f64 <= SHORT_RUN_S * self.rate_hz
     }
 
     /// Stretches in which the acceleration is `free`, within a band of `widen` times the width in
@@ -117,22 +141,7 @@ impl Acceleration {
         widen: f64,
         allowed: impl Fn(usize) -> bool,
     ) -> Vec<Range<usize>> {
-        let size = free.norm();
-        let least = options.least_band_mps2.min(size * 2.0 / 3.0 / 1.6);
-        // A prior that is wrong by centimetres in a rotating link gives an acceleration error of
-        // metres per second squared, whatever the gravity. The first, wide searches before the fit
-        // of first moments must tolerate this in weak gravity too.
-        let wide = if size < WEAK_MPS2 { PRIOR_ERROR_MPS2 * (widen - 1.0) / 0.6 } else { 0.0 };
-        let along = (options.vertical_band_g * size).max(least) * widen + wide;
-        let across = (options.horizontal_band_g * size).max(least) * widen + wide;
-        let falls = |frame: usize| {
-            let off = self.mps2[frame] - free;
-            if size == 0.0 {
-                return off.norm() < options.rest_band_mps2 * widen + 2.0 * wide;
-            }
-            let parallel = off.dot(free) / size;
-            parallel.abs() < along && (off - free * (parallel / size)).norm() < across
-        };
+        let falls = |frame: usize| Self::within(&self.mps2[frame], free, options, widen);
         let merge = (options.merge_s * self.rate_hz).round() as usize;
         let mut merged: Vec<Range<usize>> = Vec::new();
         for run in runs_where(self.mps2.len(), |frame| falls(frame) && allowed(frame)) {
@@ -148,6 +157,24 @@ impl Acceleration {
             }
         }
         merged
+    }
+
+    /// True if an acceleration is `free`, within a band of `widen` times the width in the options.
+    pub(crate) fn within(mps2: &Vector3<f64>, free: &Vector3<f64>, options: &FlightOptions, widen: f64) -> bool {
+        let size = free.norm();
+        let least = options.least_band_mps2.min(size * 2.0 / 3.0 / 1.6);
+        // A prior that is wrong by centimetres in a rotating link gives an acceleration error of
+        // metres per second squared, whatever the gravity. The first, wide searches before the fit
+        // of first moments must tolerate this in weak gravity too.
+        let wide = if size < WEAK_MPS2 { PRIOR_ERROR_MPS2 * (widen - 1.0) / 0.6 } else { 0.0 };
+        let along = (options.vertical_band_g * size).max(least) * widen + wide;
+        let across = (options.horizontal_band_g * size).max(least) * widen + wide;
+        let off = mps2 - free;
+        if size == 0.0 {
+            return off.norm() < options.rest_band_mps2 * widen + 2.0 * wide;
+        }
+        let parallel = off.dot(free) / size;
+        parallel.abs() < along && (off - free * (parallel / size)).norm() < across
     }
 
     /// Remaining fraction of the free acceleration in a frame, along it; NaN where not solved.

@@ -110,7 +110,15 @@ pub(crate) fn search(
         let slow = about(free, SLOW)?;
         Ok(if slow.report.flight_frames() > usual.report.flight_frames() { slow } else { usual })
     };
-    let mut found = either(stated, is_weak(&stated))?;
+    // In a short recording noise is spread over few frames; about their parabola the lower cut-off
+    // blurs nothing.
+    let short = motion.n_frames() as f64 <= aloft_signal::SHORT_RUN_S * motion.rate_hz;
+    let mut found = either(stated, is_weak(&stated) || short)?;
+    // A single short toss has no edges that tell flight from sliding or swinging at another
+    // acceleration.
+    if short && plates.is_none() {
+        return Ok(found);
+    }
     let allowed = |frame: usize| plates.is_none_or(|p| p.unloaded.get(frame).copied().unwrap_or(true));
     let least = options.least_free_g * size;
     let wanted = |level: f64, before_fit: bool| Search {
@@ -237,25 +245,37 @@ fn search_about(
             report.rejected.push(Rejected { start, end, reason: RejectionReason::Gradual });
             continue;
         }
+        let solved = |frame: usize| frame < motion.n_frames() && motion.is_valid(frame);
+        let (begins, ends) = (start == 0 || !solved(start - 1), !solved(end));
         // Where the recording ends in flight there is no contact to exclude, only the edge of the
-        // filter.
-        let frames = start + takeoff_guard..end.saturating_sub(landing_guard).max(start + takeoff_guard);
+        // filter, which a short run does not have.
+        let short = acceleration.is_in_short_run(&stretch);
+        let guard = |open: bool, frames: usize| if open && short { 0 } else { frames };
+        let from = start + guard(begins, takeoff_guard);
+        let frames = from..end.saturating_sub(guard(ends, landing_guard)).max(from);
         let parabola = Parabola::fit(&com.position_m, frames.clone(), rate_hz);
         if frames.len() < shortest {
             report.rejected.push(Rejected { start, end, reason: RejectionReason::TooShort });
             continue;
         }
+        // two falls with a bounce between them that no frame shows are none together
+        let mean = parabola.map(|parabola| parabola.acceleration_mps2());
+        if let Some(mean) = mean.filter(|mean| !Acceleration::within(mean, &free, options, 1.0)) {
+            report.rejected.push(Rejected {
+                start,
+                end,
+                reason: RejectionReason::NotFalling { vertical_mps2: mean.z },
+            });
+            continue;
+        }
         let edge = |open: bool| if open { EdgeSource::Recording } else { EdgeSource::Motion };
-        let solved = |frame: usize| frame < motion.n_frames() && motion.is_valid(frame);
         report.flights.push(Flight {
             start: frames.start,
             end: frames.end,
             source: FlightSource::Motion,
-            takeoff_source: edge(start == 0 || !solved(start - 1)),
-            landing_source: edge(!solved(end)),
-            mean_acceleration_mps2: parabola
-                .map_or(Vector3::repeat(f64::NAN), |parabola| parabola.acceleration_mps2())
-                .into(),
+            takeoff_source: edge(begins),
+            landing_source: edge(ends),
+            mean_acceleration_mps2: mean.unwrap_or_else(|| Vector3::repeat(f64::NAN)).into(),
         });
     }
     Ok(Found { report, com_m: com.position_m, free_mps2: free })

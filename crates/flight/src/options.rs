@@ -13,6 +13,9 @@ pub enum FlightMethod {
     Plates,
     /// Motion alone.
     Motion,
+    /// Flights that are stated, from and to in seconds from the first frame
+    /// ([`FlightOptions::stated_s`]); without any, the whole recording.
+    Stated,
 }
 
 /// Thresholds of the search. Times are in seconds, so that they are valid at any rate.
@@ -21,6 +24,8 @@ pub enum FlightMethod {
 pub struct FlightOptions {
     /// Evidence.
     pub method: FlightMethod,
+    /// Flights stated by hand, s from the first frame; for [`FlightMethod::Stated`].
+    pub stated_s: Vec<[f64; 2]>,
     /// Magnitude of the stated gravity, m/s²; a search with a model uses that of the model.
     pub gravity_mps2: f64,
     /// A plate is loaded above this force, N (after tare).
@@ -82,6 +87,7 @@ impl Default for FlightOptions {
     fn default() -> Self {
         Self {
             method: FlightMethod::Auto,
+            stated_s: Vec::new(),
             gravity_mps2: aloft_body::STANDARD_GRAVITY_MPS2,
             threshold_n: 20.0,
             min_duration_s: 0.12,

@@ -7,7 +7,7 @@
 mod shared_data;
 
 use aloft_body::{JointSpec, LinkSpec, Model, ModelSpec, Motion, Phi};
-use aloft_flight::{Cause, FlightOptions, FlightReport, find_flights, from_motion};
+use aloft_flight::{Cause, FlightMethod, FlightOptions, FlightReport, find_flights, from_motion};
 use aloft_trial::{ImportOptions, Markers, Plate, Trial};
 use nalgebra::{Rotation3, Vector3};
 
@@ -419,4 +419,44 @@ fn centroid(trial: &Trial) -> Option<Vec<Vector3<f64>>> {
     let whole = |f: usize| tracks.iter().all(|t| t[f].x.is_finite());
     let mean = |f: usize| tracks.iter().map(|t| t[f]).sum::<Vector3<f64>>() / tracks.len() as f64;
     Some((0..n).map(|f| if whole(f) { mean(f) } else { Vector3::repeat(f64::NAN) }).collect())
+}
+
+/// A toss of 21 frames that was cut before the impact, with noise of half a millimetre: all of it
+/// is a flight. A body that slides as long on the floor has none, at no acceleration.
+#[test]
+fn a_toss_cut_in_the_air_is_a_flight_from_end_to_end() {
+    let mut dice = Dice(7);
+    let mut found = [0, 0];
+    for _ in 0..40 {
+        let mut path = |a: Vector3<f64>| -> Vec<Vector3<f64>> {
+            let v = Vector3::new(1.5 * dice.roll(), 1.5 * dice.roll(), 0.8 * dice.roll() * -a.z / 9.81);
+            let noise = |dice: &mut Dice| Vector3::new(dice.roll(), dice.roll(), dice.roll()) * (5e-4 * 3f64.sqrt());
+            (0..21).map(|i| f64::from(i) / 148.0).map(|t| v * t + a * (0.5 * t * t) + noise(&mut dice)).collect()
+        };
+        let toss = search(&path(Vector3::new(0.0, 0.0, -9.81)), None, 148.0, 9.81);
+        found[0] += usize::from(toss.flights.first().is_some_and(|f| (f.start, f.end) == (0, 21)));
+        found[1] += search(&path(Vector3::new(-2.1, 0.3, 0.0)), None, 148.0, 9.81).flights.len();
+    }
+    assert!(found[0] >= 38 && found[1] == 0, "{found:?}");
+}
+
+#[test]
+fn stated_flights_are_taken_as_they_are() {
+    let (model, phi) = model(9.81);
+    let path: Vec<Vector3<f64>> =
+        (0..200).map(|i| f64::from(i) / 100.0).map(|t| Vector3::z() * (1.0 - 4.905 * (t - 0.6).powi(2))).collect();
+    let mut motion = motion(&path, 100.0);
+    motion.q[7 * 60] = f64::NAN;
+    let markers = Markers { rate_hz: 100.0, first_frame: 1, n_frames: 200, ..Markers::default() };
+    let trial = Trial { name: "case".to_owned(), markers, ..Trial::default() };
+    let of = |stated_s: Vec<[f64; 2]>| {
+        let options = FlightOptions { method: FlightMethod::Stated, stated_s, ..FlightOptions::default() };
+        let report = find_flights(&trial, Some((&model, &phi, &motion)), &options).unwrap();
+        assert!(report.flights.iter().all(|f| (f.mean_acceleration_mps2[2] + 9.81).abs() < 1e-6));
+        report.flights.iter().map(|f| (f.start, f.end)).collect::<Vec<_>>()
+    };
+    assert_eq!(of(vec![[0.1, 0.3], [1.0, 99.0]]), [(10, 30), (100, 200)]);
+    // where the motion is not solved there is no flight; a frame or two are none, either
+    assert_eq!(of(Vec::new()), [(0, 60), (61, 200)]);
+    assert_eq!(of(vec![[0.57, 0.80], [5.0, 6.0]]), [(61, 80)]);
 }

@@ -44,6 +44,10 @@ pub(crate) fn in_words(model: &Model, parameters: &[(String, Determination)], tu
             continue;
         }
         let (motion, more) = match &link.joint.kind {
+            JointKind::Free if model.encoders => (
+                "let it turn faster in the air".to_owned(),
+                ", about each of its axes and both ways, as far as is safe for the robot",
+            ),
             JointKind::Free if !turning_over => (
                 "jump with quarter turns to both sides".to_owned(),
                 ", and tip the trunk forwards, backwards and sideways in the air, as far as is safe for the subject",

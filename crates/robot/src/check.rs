@@ -170,7 +170,7 @@ fn missing(log: &RobotLog, model: &RobotModel, remarks: &mut Vec<String>) -> Res
         }
         if gone as f64 > OFTEN_MISSING * q.len() as f64 {
             remarks.push(format!(
-                "the joint `{name}` is missing in {gone} of {} rows; these frames are left out",
+                "the joint `{name}` is missing in {gone} of {} rows: frames in longer gaps are left out",
                 q.len()
             ));
         }

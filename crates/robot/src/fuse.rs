@@ -11,6 +11,7 @@
 
 use crate::combine::with_inertial_unit;
 use crate::description::{Imu, SensorNoise};
+use crate::impact::impacts;
 use crate::log::{BaseLog, RobotLog};
 use crate::resample::{Grid, encoder_sd};
 use crate::smoother::Sample;
@@ -78,6 +79,9 @@ pub struct FuseInput<'a> {
     pub imu: Option<&'a Imu>,
     /// Noise of the sensors.
     pub noise: SensorNoise,
+    /// Rows of the log up to this far apart are interpolated, with the error of the interpolation
+    /// in the noise, s.
+    pub bridged_s: f64,
 }
 
 /// Poses further than this from the motion's rows do not count as measuring them, s.
@@ -101,7 +105,7 @@ pub fn fuse(input: &FuseInput<'_>) -> Result<(Motion, FusionReport), RobotError>
     let mut report = FusionReport { trial: input.trial.to_owned(), noise: input.noise, ..FusionReport::default() };
     let rough = if own_clock { None } else { clock::rough_offset(log, base) };
     let start_offset = rough.map_or(0.0, |r| r.offset_s);
-    let mut grid = Grid::of(log)?;
+    let mut grid = Grid::of(log, input.bridged_s)?;
     report.warnings.append(&mut grid.warnings);
     report.encoder_sd = log.q.iter().map(|q| encoder_sd(q)).collect();
     let path = match (&grid.gyro, &grid.acc) {
@@ -179,7 +183,7 @@ pub(crate) fn within_reach(grid: &Grid, at: &[Sample]) -> Vec<bool> {
             near[pair[0].step..=pair[1].step + 1].fill(true);
         }
     }
-    near.iter().zip(&grid.sensors_valid).map(|(a, b)| *a && *b).collect()
+    near.iter().zip(&grid.usable).map(|(a, b)| *a && *b).collect()
 }
 
 /// Without an inertial unit: poses interpolated to the grid.
@@ -195,7 +199,7 @@ fn poses_alone(
     }
     let times: Vec<f64> = at.iter().map(|s| s.step as f64 * grid.dt_s + s.after_s).collect();
     let mut k = 0;
-    let pose = (0..grid.n)
+    let pose: Vec<Isometry3<f64>> = (0..grid.n)
         .map(|i| {
             let t = i as f64 * grid.dt_s;
             while k + 2 < times.len() && times[k + 1] < t {
@@ -208,12 +212,28 @@ fn poses_alone(
             Isometry3::from_parts(p.into(), base.rotation[a] * UnitQuaternion::from_scaled_axis(turn))
         })
         .collect();
+    let mut valid = within_reach(grid, &at);
+    let positions: Vec<Vector3<f64>> = rows.iter().map(|&row| base.position_m[row]).collect();
+    let hit = impacts(&times, &positions);
+    if let Some(first) = hit.first() {
+        report.warnings.push(format!(
+            "{} poses in impacts, the first at {:.3} s: the velocity of the base jumps there, and the motion before and after is smoothed apart",
+            hit.len(),
+            times[*first]
+        ));
+    }
+    for k in hit {
+        // the steps next to the pose
+        let (from, to) = (at[k].step.max(1) - 1, (at[k].step + 1).min(grid.n - 1));
+        let near = |i: &usize| (*i as f64 * grid.dt_s - times[k]).abs() < 0.75 * grid.dt_s;
+        (from..=to).filter(near).for_each(|i| valid[i] = false);
+    }
     report.measured = at.iter().map(|s| (s.step, s.after_s)).collect();
     report.orientation_sd_rad = input.noise.orientation_deg.to_radians();
     report.position_sd_m = input.noise.position_m;
     Ok(Path {
         pose,
-        valid: within_reach(grid, &at),
+        valid,
         orientation_sd: vec![report.orientation_sd_rad; grid.n],
         position_sd: vec![report.position_sd_m; grid.n],
     })
@@ -230,8 +250,8 @@ fn assemble(input: &FuseInput<'_>, grid: &Grid, path: &Path, report: &mut Fusion
         let sd = &mut q_sd[i * nv..(i + 1) * nv];
         sd[..3].fill(path.position_sd[i]);
         sd[3..6].fill(path.orientation_sd[i]);
-        for (link, s) in joints.iter().zip(&report.encoder_sd) {
-            sd[link.joint.v_offset] = *s;
+        for ((link, s), bridge) in joints.iter().zip(&report.encoder_sd).zip(&grid.q_sd) {
+            sd[link.joint.v_offset] = s.hypot(bridge[i]);
         }
         if !path.valid[i] || grid.q.iter().any(|joint| !joint[i].is_finite()) {
             report.missing_frames += 1;

@@ -221,7 +221,7 @@ impl RobotLog {
     /// # Errors
     /// As [`crate::fuse`].
     pub fn frames(&self) -> Result<(usize, f64), RobotError> {
-        let grid = crate::resample::Grid::of(self)?;
+        let grid = crate::resample::Grid::of(self, 0.0)?;
         Ok((grid.n, 1.0 / grid.dt_s))
     }
 
@@ -238,7 +238,7 @@ impl RobotLog {
             _ => return Ok(None),
         };
         let as_joints = Self { q: source.clone(), gyro: None, acc: None, ..self.clone() };
-        Ok(Some(crate::resample::Grid::of(&as_joints)?.q))
+        Ok(Some(crate::resample::Grid::of(&as_joints, 0.0)?.q))
     }
 
     /// Contact at the frames of the motion, as [`RobotLog::contact`].
@@ -251,7 +251,7 @@ impl RobotLog {
         }
         let q = self.contact.iter().map(|c| c.1.clone()).collect();
         let as_joints = Self { q, gyro: None, acc: None, ..self.clone() };
-        let frames = crate::resample::Grid::of(&as_joints)?.q;
+        let frames = crate::resample::Grid::of(&as_joints, 0.0)?.q;
         Ok(self.contact.iter().map(|c| c.0.clone()).zip(frames).collect())
     }
 

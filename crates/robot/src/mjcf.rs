@@ -4,11 +4,12 @@
 //! notations of an orientation, joints away from the origin of their body, several joints in one
 //! body if only the last one carries mass. Not understood, with an error: `include`, `attach`,
 //! `frame`, `replicate`, ball joints, inertias that MuJoCo would compute from geoms (save the
-//! compiled model with `mj_saveLastXML` first).
+//! compiled model with `mj_saveLastXML` and `saveinertial` first).
 
 use crate::RobotError;
 use crate::collision::{Shape, Solid};
-use crate::model::{Raw, RobotJoint, SCALAR, parse};
+use crate::model::{Raw, RobotJoint, SCALAR};
+use crate::xml::parse;
 use aloft_body::{JointSpec, LinkInertia, LinkSpec, ModelSpec};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Unit, UnitQuaternion, Vector3};
 use roxmltree::Node;
@@ -23,6 +24,10 @@ struct Reader<'a, 't> {
     moved: Vec<(String, [f64; 3])>,
     shapes: Vec<Shape>,
 }
+
+/// What to do with what only MuJoCo's compiler understands.
+const COMPILED: &str =
+    "add `saveinertial=\"true\"` to <compiler>, save the compiled model with mj_saveLastXML, and use that";
 
 /// Reads MJCF.
 pub(crate) fn read(file: &str, text: &str) -> Result<Raw, RobotError> {
@@ -42,10 +47,24 @@ pub(crate) fn read(file: &str, text: &str) -> Result<Raw, RobotError> {
     };
     for name in ["include", "attach", "frame", "replicate", "composite", "flexcomp"] {
         if let Some(node) = root.descendants().find(|n| n.has_tag_name(name)) {
-            let problem =
-                format!("`{name}` is not understood; save the compiled model with mj_saveLastXML and use that");
+            let problem = format!("`{name}` is not understood; {COMPILED}");
             return Err(reader.at(node, problem));
         }
+    }
+    // what MuJoCo's compiler would change in masses and inertias
+    let changes = |c: Node<'_, '_>| {
+        let positive =
+            |n: &str| c.attribute(n).filter(|t| finite_numbers(t).is_none_or(|x| x.iter().any(|x| *x > 0.0)));
+        c.attribute("inertiafromgeom")
+            .filter(|t| *t == "true")
+            .map(|_| "inertiafromgeom")
+            .or_else(|| ["settotalmass", "boundmass", "boundinertia"].into_iter().find(|n| positive(n).is_some()))
+    };
+    if let Some((compiler, name)) = compilers().find_map(|c| Some((c, changes(c)?))) {
+        return Err(reader.at(compiler, format!("`{name}` of <compiler> changes masses or inertias; {COMPILED}")));
+    }
+    if let Some(second) = root.children().filter(|n| n.has_tag_name("default")).nth(1) {
+        return Err(reader.at(second, format!("a second <default> at the top is not understood; {COMPILED}")));
     }
     let tops: Vec<Node<'_, '_>> = root
         .children()
@@ -167,7 +186,7 @@ impl Reader<'_, '_> {
         let name = body.attribute("name").map_or_else(|| format!("body{}", self.links.len()), str::to_owned);
         let moving: Vec<Node<'_, '_>> =
             body.children().filter(|n| n.has_tag_name("joint") || n.has_tag_name("freejoint")).collect();
-        let inertia = self.inertia(body)?;
+        let inertia = self.inertia(body, own_class)?;
         let pose = Isometry3::from_parts(self.vector(body, "pos")?.unwrap_or_default().into(), self.orientation(body)?);
         let link = |name: &str, parent: Option<&str>, joint: JointSpec, pose: &Isometry3<f64>, inertia| {
             let (roll, pitch, yaw) = pose.rotation.euler_angles();
@@ -224,7 +243,16 @@ impl Reader<'_, '_> {
             let anchor = at - moved;
             let last = i + 1 == moving.len();
             let own = if last { name.clone() } else { format!("{name}/{joint_name}") };
-            let placed = here * Isometry3::translation(anchor.x, anchor.y, anchor.z);
+            // the drawing shows the joint at its reference
+            let reference = number("ref")?.map_or(0.0, |x| if prismatic { x } else { self.angle(x) });
+            let along = Unit::try_new(Vector3::from(axis), 1e-12)
+                .ok_or_else(|| self.at(*joint, "the axis has no direction".to_owned()))?;
+            let back_to_zero = if prismatic {
+                Isometry3::from_parts((along.into_inner() * -reference).into(), UnitQuaternion::identity())
+            } else {
+                Isometry3::from_parts(Vector3::zeros().into(), UnitQuaternion::from_axis_angle(&along, -reference))
+            };
+            let placed = here * Isometry3::translation(anchor.x, anchor.y, anchor.z) * back_to_zero;
             moved = at;
             let back = Isometry3::translation(-moved.x, -moved.y, -moved.z);
             let massless = LinkInertia { mass_kg: 0.0, com_m: Vector3::zeros(), inertia_com_kgm2: Matrix3::zeros() };
@@ -336,12 +364,16 @@ impl Reader<'_, '_> {
     }
 
     /// Inertia of a body in its own frame.
-    fn inertia(&self, body: Node<'_, '_>) -> Result<LinkInertia, RobotError> {
+    fn inertia(&self, body: Node<'_, '_>, class: Option<&str>) -> Result<LinkInertia, RobotError> {
         let Some(node) = body.children().find(|n| n.has_tag_name("inertial")) else {
-            if body.children().any(|n| n.has_tag_name("geom")) && body.children().any(|n| n.has_tag_name("joint")) {
+            let weighs = |geom: Node<'_, '_>| {
+                let is_zero =
+                    |n: &str| self.attribute("geom", geom, class, n).is_some_and(|t| t.trim().parse() == Ok(0.0));
+                geom.has_tag_name("geom") && !is_zero("mass") && !is_zero("density")
+            };
+            if body.children().any(weighs) {
                 let problem = format!(
-                    "body `{}` has no `inertial`, so MuJoCo computes it from geoms; save the compiled model with \
-                     mj_saveLastXML and use that",
+                    "body `{}` has no `inertial`, so MuJoCo computes it from geoms; {COMPILED}",
                     body.attribute("name").unwrap_or("?")
                 );
                 return Err(self.at(body, problem));

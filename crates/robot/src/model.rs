@@ -25,7 +25,7 @@ impl Format {
     /// # Errors
     /// [`RobotError::Model`] for text that is not XML, or neither of the two.
     pub fn of(file: &str, text: &str) -> Result<Self, RobotError> {
-        let document = parse(file, text)?;
+        let document = crate::xml::parse(file, text)?;
         match document.root_element().tag_name().name() {
             "robot" => Ok(Self::Urdf),
             "mujoco" => Ok(Self::Mjcf),
@@ -35,16 +35,6 @@ impl Format {
             )),
         }
     }
-}
-
-pub(crate) fn parse<'t>(file: &str, text: &'t str) -> Result<roxmltree::Document<'t>, RobotError> {
-    aloft_body::check_xml(text).map_err(|problem| RobotError::model(file, problem))?;
-    let options = roxmltree::ParsingOptions { allow_dtd: true, ..roxmltree::ParsingOptions::default() };
-    roxmltree::Document::parse_with_options(text, options).map_err(|e| RobotError::Model {
-        file: file.to_owned(),
-        line: Some(e.pos().row),
-        problem: format!("not well-formed XML: {e}"),
-    })
 }
 
 /// A joint that moves.
@@ -94,6 +84,9 @@ pub struct RobotModel {
     pub joints: Vec<RobotJoint>,
     /// Links merged with others.
     pub merged: Vec<Merged>,
+    /// What was changed in the file's inertias.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub remarks: Vec<String>,
     /// Where the origin of a link's frame is in the frame of the body in the file, m, for links
     /// where these differ (MJCF joints that are not at the origin of their body).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -117,22 +110,30 @@ impl RobotModel {
     /// (planar, ball, floating inside the tree), and for a link that moves and has no inertia.
     pub fn parse(file: &str, text: &str) -> Result<Self, RobotError> {
         let format = Format::of(file, text)?;
-        let raw = match format {
+        let mut raw = match format {
             Format::Urdf => from_urdf(file, text)?,
             Format::Mjcf => mjcf::read(file, text)?,
         };
+        let remarks = crate::possible::inertias(file, &mut raw.spec)?;
         let mut model = raw.merge_fixed(file, format);
+        model.remarks = remarks;
         model.joints.sort_by_key(|j| model.spec.links.iter().position(|l| l.name == j.link));
         for link in &model.spec.links {
             let Some(inertia) = &link.inertia else { continue };
             if !(inertia.mass_kg > 0.0 && inertia.inertia_com_kgm2.iter().all(|x| x.is_finite())) {
-                return Err(RobotError::model(
-                    file,
-                    format!(
-                        "link `{}` moves and has a mass of {} kg; a link that moves needs an inertia to start from",
-                        link.name, inertia.mass_kg
+                let (name, mass_kg) = (&link.name, inertia.mass_kg);
+                let problem = match link.parent {
+                    None => format!(
+                        "the root `{name}` has a mass of {mass_kg} kg: it counts as the free base of a body in flight, and needs a mass (the mount of an arm has none)"
                     ),
-                ));
+                    Some(_) if name.contains('/') => format!(
+                        "`{name}` is what lies between two joints of one body, and has no mass: bodies with several joints are not understood yet"
+                    ),
+                    Some(_) => format!(
+                        "link `{name}` moves and has a mass of {mass_kg} kg; a link that moves needs an inertia to start from: give it one, or make its joint fixed"
+                    ),
+                };
+                return Err(RobotError::model(file, problem));
             }
         }
         Model::from_spec(&model.spec).map_err(|e| RobotError::model(file, e.to_string()))?;
@@ -209,11 +210,23 @@ impl Raw {
         let (collision, collision_meshes) = link_spheres(&self.shapes, &home);
         let boxes = link_boxes(&self.shapes, &home);
         let (file, joints, moved) = (file.to_owned(), self.joints, self.moved);
-        RobotModel { file, format, spec, joints, merged, moved, collision, boxes, collision_meshes }
+        RobotModel {
+            file,
+            format,
+            spec,
+            joints,
+            merged,
+            remarks: Vec::new(),
+            moved,
+            collision,
+            boxes,
+            collision_meshes,
+        }
     }
 }
 
 fn from_urdf(file: &str, text: &str) -> Result<Raw, RobotError> {
+    let text = &crate::urdf::plain(file, text)?;
     let strip = |e: aloft_body::BodyError| RobotError::model(file, e.to_string());
     let spec = ModelSpec::from_urdf(text).map_err(strip)?;
     let robot = urdf_rs::read_from_string(text).map_err(|e| RobotError::model(file, e.to_string()))?;

@@ -2,7 +2,8 @@
 //! order, comments and layout stay.
 
 use crate::RobotError;
-use crate::model::{Format, RobotModel, parse};
+use crate::model::{Format, RobotModel};
+use crate::xml::parse;
 use aloft_body::inertia::pseudo_inertia;
 use aloft_body::{LinkInertia, Phi};
 use nalgebra::{Isometry3, Matrix3, Rotation3, Vector3};

@@ -1,4 +1,5 @@
-//! A log on a regular grid of times. Rows that the log lost stay missing.
+//! A log on a regular grid of times. Short gaps are bridged, with the error of the bridge; what is
+//! longer stays missing.
 
 use crate::RobotError;
 use crate::log::RobotLog;
@@ -13,14 +14,18 @@ pub(crate) struct Grid {
     pub dt_s: f64,
     /// Steps.
     pub n: usize,
-    /// Joint coordinates, `[joint][step]`; NaN in gaps.
+    /// Joint coordinates, `[joint][step]`; NaN in gaps that are not bridged.
     pub q: Vec<Vec<f64>>,
+    /// Standard deviation of the interpolation in bridged gaps, `[joint][step]`; 0 elsewhere.
+    pub q_sd: Vec<Vec<f64>>,
     /// Angular velocity; interpolated through gaps, which `sensors_valid` marks.
     pub gyro: Option<Vec<Vector3<f64>>>,
     /// Specific force; the same.
     pub acc: Option<Vec<Vector3<f64>>>,
-    /// False in gaps of the log.
-    pub sensors_valid: Vec<bool>,
+    /// False in gaps of the inertial unit.
+    sensors_valid: Vec<bool>,
+    /// False in gaps of the inertial unit that are not bridged.
+    pub usable: Vec<bool>,
     /// Remarks on gaps.
     pub warnings: Vec<String>,
 }
@@ -31,21 +36,24 @@ const GAP: f64 = 1.6;
 const JITTER: f64 = 0.002;
 /// Factor on the variance of an inertial unit's step within a gap.
 const IN_GAP: f64 = 1e4;
+/// Places on either side of a gap at which its interpolation is tried on rows that are known: with
+/// two fifths of them at hand its error is known to a tenth.
+const TRIED: usize = 50;
 
 impl Grid {
-    /// Puts a log on the grid of its median interval.
+    /// Puts a log on the grid of its median interval. Rows that are no farther apart than
+    /// `bridged_s` are interpolated where rows or cells between them are missing, with the error
+    /// that the interpolation has on known rows nearby.
     ///
     /// # Errors
     /// [`RobotError::Log`] for a log of which most is missing.
-    pub(crate) fn of(log: &RobotLog) -> Result<Self, RobotError> {
+    pub(crate) fn of(log: &RobotLog, bridged_s: f64) -> Result<Self, RobotError> {
         let times = &log.time_s;
         let (start_s, end_s) = (times[0], times[times.len() - 1]);
         // the mean interval of all steps that are no gaps is more exact than one rounded step
         let usual = log.interval_s();
         let regular: Vec<f64> = times.windows(2).map(|w| w[1] - w[0]).filter(|d| *d < GAP * usual).collect();
         let mean = regular.iter().sum::<f64>() / regular.len().max(1) as f64;
-        let gaps: Vec<(f64, f64)> =
-            times.windows(2).filter(|w| w[1] - w[0] >= GAP * usual).map(|w| (w[0], w[1] - w[0])).collect();
         // a rate is a round number more often than not; keep it then, so that files compare
         let rate = (1.0 / mean).round();
         let dt_s = if (mean * rate - 1.0).abs() < 1e-4 && rate > 0.0 { 1.0 / rate } else { mean };
@@ -62,54 +70,33 @@ impl Grid {
                 "log at a constant rate",
             ));
         }
-        let mut warnings = Vec::new();
-        if let Some(longest) = gaps.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
-            warnings.push(format!(
-                "{} gaps in the log, the longest of {:.3} s at {:.3} s: frames in them are left out",
-                gaps.len(),
-                longest.1,
-                longest.0
-            ));
-        }
-        // for each step: the row before it, and the share of the way to the next; none in gaps
-        let mut row = 0;
-        let place: Vec<Option<(usize, f64)>> = (0..n)
-            .map(|i| {
-                let t = start_s + i as f64 * dt_s;
-                while row + 2 < times.len() && times[row + 1] <= t {
-                    row += 1;
-                }
-                let width = times[row + 1] - times[row];
-                let share = ((t - times[row]) / width).clamp(0.0, 1.0);
-                let snapped = if (share * width) < JITTER * dt_s {
-                    0.0
-                } else if ((1.0 - share) * width) < JITTER * dt_s {
-                    1.0
-                } else {
-                    share
-                };
-                (snapped == 0.0 || snapped == 1.0 || width < GAP * usual).then_some((row, snapped))
-            })
-            .collect();
-        let at = |values: &[f64], i: usize| match place[i] {
-            None => f64::NAN,
-            Some((row, 0.0)) => values[row],
-            Some((row, 1.0)) => values[row + 1],
-            Some((row, share)) => cubic(times, values, row, share, GAP * usual),
-        };
-        let q: Vec<Vec<f64>> = log.q.iter().map(|values| (0..n).map(|i| at(values, i)).collect()).collect();
-        let mut sensors_valid: Vec<bool> = place.iter().map(Option::is_some).collect();
+        let steps = Steps { times, start_s, dt_s, n, usual };
+        let (q, q_sd): (Vec<_>, Vec<_>) = log.q.iter().map(|values| steps.series(values, bridged_s)).unzip();
+        let mut sensors_valid = vec![true; n];
         let mut vectors = |source: &Option<Vec<Vector3<f64>>>| {
             source.as_ref().map(|values| {
-                let axes: Vec<Vec<f64>> = (0..3).map(|k| values.iter().map(|v| v[k]).collect()).collect();
+                let axes: Vec<Vec<f64>> = (0..3)
+                    .map(|k| steps.series(&values.iter().map(|v| v[k]).collect::<Vec<_>>(), GAP * usual).0)
+                    .collect();
                 let mut out: Vec<Vector3<f64>> =
-                    (0..n).map(|i| Vector3::new(at(&axes[0], i), at(&axes[1], i), at(&axes[2], i))).collect();
+                    (0..n).map(|i| Vector3::new(axes[0][i], axes[1][i], axes[2][i])).collect();
                 bridge(&mut out, &mut sensors_valid);
                 out
             })
         };
         let (gyro, acc) = (vectors(&log.gyro), vectors(&log.acc));
-        Ok(Self { start_s, dt_s, n, q, gyro, acc, sensors_valid, warnings })
+        let mut usable = Vec::with_capacity(n);
+        for run in sensors_valid.chunk_by(|a, b| a == b) {
+            // n missing steps lie between rows that are n + 1 steps apart
+            let short = (run.len() + 1) as f64 * dt_s <= bridged_s + JITTER * dt_s;
+            usable.extend(run.iter().map(|valid| *valid || short));
+        }
+        let mut warnings: Vec<String> = steps.remark(bridged_s).into_iter().collect();
+        let cells = log.q.iter().flatten().filter(|x| !x.is_finite()).count();
+        if cells > 0 {
+            warnings.push(format!("{cells} cells of joint columns hold no number: they are gaps of that joint"));
+        }
+        Ok(Self { start_s, dt_s, n, q, q_sd, gyro, acc, sensors_valid, usable, warnings })
     }
 
     /// Raises variances of steps within gaps, where the sensors are interpolated.
@@ -122,16 +109,123 @@ impl Grid {
     }
 }
 
-/// Cubic through four rows at their own times (Lagrange); linear where one is missing or farther
-/// away than `gap`.
-fn cubic(times: &[f64], values: &[f64], row: usize, share: f64, gap: f64) -> f64 {
-    let linear = values[row] + (values[row + 1] - values[row]) * share;
-    let Some(first) = row.checked_sub(1).filter(|_| row + 2 < values.len()) else { return linear };
-    let (x, y) = (&times[first..first + 4], &values[first..first + 4]);
-    if y.iter().any(|v| !v.is_finite()) || x.windows(2).any(|w| w[1] - w[0] >= gap) {
-        return linear;
+/// The steps of a grid, and the rows of the log that they lie between.
+struct Steps<'a> {
+    times: &'a [f64],
+    start_s: f64,
+    dt_s: f64,
+    n: usize,
+    /// Median interval of the rows, s.
+    usual: f64,
+}
+
+impl Steps<'_> {
+    /// A column at the steps, and the standard deviation of its interpolation in gaps. NaN where
+    /// the known rows before and after a step are farther apart than `bridged_s`.
+    fn series(&self, values: &[f64], bridged_s: f64) -> (Vec<f64>, Vec<f64>) {
+        let (mut out, mut sd) = (vec![f64::NAN; self.n], vec![0.0; self.n]);
+        let (times, values): (Vec<f64>, Vec<f64>) =
+            self.times.iter().zip(values).filter(|(_, v)| v.is_finite()).map(|(t, v)| (*t, *v)).unzip();
+        let known = Known { times, values, gap: GAP * self.usual };
+        if known.times.len() < 2 {
+            return (out, sd);
+        }
+        let (mut row, mut tried) = (0, None);
+        for i in 0..self.n {
+            let t = self.start_s + i as f64 * self.dt_s;
+            while row + 2 < known.times.len() && known.times[row + 1] <= t {
+                row += 1;
+            }
+            let (before, after) = (known.times[row], known.times[row + 1]);
+            if (t - before).abs() < JITTER * self.dt_s {
+                out[i] = known.values[row];
+            } else if (t - after).abs() < JITTER * self.dt_s {
+                out[i] = known.values[row + 1];
+            } else if t < before || t > after {
+                continue;
+            } else if after - before < known.gap {
+                out[i] = known.cubic(row, t);
+            } else if after - before <= bridged_s + JITTER * self.dt_s {
+                // one trial for all steps of a gap
+                if tried.is_none_or(|(of, _)| of != row) {
+                    let rows = ((after - before) / self.usual).round() as usize;
+                    tried = Some((row, known.tried(row, rows)));
+                }
+                if let (Some((_, Some(error))), Some(four)) = (tried, known.four(row, row + 1)) {
+                    (out[i], sd[i]) = (lagrange(four.0, four.1, t), error);
+                }
+            }
+        }
+        (out, sd)
     }
-    let t = times[row] + share * (times[row + 1] - times[row]);
+
+    /// What was done with gaps between rows.
+    fn remark(&self, bridged_s: f64) -> Option<String> {
+        let gaps = || self.times.windows(2).map(|w| (w[0], w[1] - w[0])).filter(|g| g.1 >= GAP * self.usual);
+        let longest = gaps().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (all, open) = (gaps().count(), gaps().filter(|g| g.1 > bridged_s + JITTER * self.dt_s).count());
+        let what = match open {
+            0 => "they are bridged, with the error of the interpolation in the noise".to_owned(),
+            _ if open == all => "frames in them are left out".to_owned(),
+            _ => format!("frames in {open} of them are left out, the others are bridged"),
+        };
+        Some(format!("{all} gaps in the log, the longest of {:.3} s at {:.3} s: {what}", longest.1, longest.0))
+    }
+}
+
+/// Rows of a column that have a value.
+struct Known {
+    times: Vec<f64>,
+    values: Vec<f64>,
+    /// Interval from which on rows are missing between two others, s.
+    gap: f64,
+}
+
+/// Four times and values.
+type Four = ([f64; 4], [f64; 4]);
+
+impl Known {
+    /// Rows `a` and `b` with one before and one after them.
+    fn four(&self, a: usize, b: usize) -> Option<Four> {
+        let rows = [a.checked_sub(1)?, a, b, b + 1];
+        (b + 1 < self.times.len()).then(|| (rows.map(|r| self.times[r]), rows.map(|r| self.values[r])))
+    }
+
+    /// Between a row and the next one: cubic through four rows, linear where one of them is
+    /// missing.
+    fn cubic(&self, row: usize, t: f64) -> f64 {
+        let close = |four: &Four| four.0.windows(2).all(|w| w[1] - w[0] < self.gap);
+        match self.four(row, row + 1).filter(close) {
+            Some((x, y)) => lagrange(x, y, t),
+            None => {
+                let share = (t - self.times[row]) / (self.times[row + 1] - self.times[row]);
+                self.values[row] + (self.values[row + 1] - self.values[row]) * share
+            }
+        }
+    }
+
+    /// Root mean square error of the cubic over a gap of `rows` intervals, where known rows near
+    /// `row` are left out; none where no such rows are.
+    fn tried(&self, row: usize, rows: usize) -> Option<f64> {
+        let (mut squares, mut count) = (0.0, 0);
+        for a in row.saturating_sub(TRIED + rows)..=row + TRIED {
+            let b = a + rows;
+            let Some((x, y)) = self.four(a, b) else { continue };
+            let all = &self.times[a - 1..=b + 1];
+            if all.windows(2).any(|w| w[1] - w[0] >= self.gap) {
+                continue;
+            }
+            for left_out in a + 1..b {
+                squares += (lagrange(x, y, self.times[left_out]) - self.values[left_out]).powi(2);
+                count += 1;
+            }
+        }
+        (count > 0).then(|| (squares / f64::from(count)).sqrt())
+    }
+}
+
+/// The cubic through four points.
+fn lagrange(x: [f64; 4], y: [f64; 4], t: f64) -> f64 {
     (0..4).map(|i| y[i] * (0..4).filter(|j| *j != i).map(|j| (t - x[j]) / (x[i] - x[j])).product::<f64>()).sum()
 }
 
@@ -187,7 +281,7 @@ mod tests {
     #[test]
     fn a_regular_log_is_kept_as_it_is() {
         let log = log((0..500).map(|i| 100.0 + (i as f64 * 0.002 * 1e3).round() / 1e3).collect(), f64::sin);
-        let grid = Grid::of(&log).unwrap();
+        let grid = Grid::of(&log, 0.0).unwrap();
         assert_eq!((grid.n, grid.dt_s), (500, 0.002));
         assert_eq!(grid.q[0], log.q[0]);
         assert!(grid.warnings.is_empty());
@@ -198,7 +292,7 @@ mod tests {
         let mut times: Vec<f64> = (0..500).map(|i| i as f64 * 0.004 + 0.0006 * (1.7 * i as f64).sin()).collect();
         times.drain(200..230);
         let log = log(times, |t| (3.0 * t).sin());
-        let grid = Grid::of(&log).unwrap();
+        let grid = Grid::of(&log, 0.0).unwrap();
         let missing = grid.q[0].iter().filter(|x| x.is_nan()).count();
         assert!((28..=32).contains(&missing), "{missing}");
         for (i, x) in grid.q[0].iter().enumerate().filter(|(_, x)| x.is_finite()) {
@@ -206,6 +300,33 @@ mod tests {
             assert!((x - (3.0 * t).sin()).abs() < 5e-5, "step {i}: {}", x - (3.0 * t).sin());
         }
         assert!(grid.warnings[0].starts_with("1 gaps in the log"), "{:?}", grid.warnings);
+    }
+
+    /// One row in twenty and single cells: bridged within the error that is stated, which does not
+    /// come from the function that made the values.
+    #[test]
+    fn short_gaps_are_bridged_with_their_error() {
+        let mut times: Vec<f64> = (0..1000).map(|i| f64::from(i) * 0.004).collect();
+        let motion = |t: f64| (9.0 * t).sin() + 0.3 * (40.0 * t).sin();
+        times.retain(|t| ((t / 0.004).round() as usize) % 20 != 7);
+        times.drain(505..508);
+        let mut log = log(times, motion);
+        log.q[0][300..302].fill(f64::NAN);
+        let grid = Grid::of(&log, 0.017).unwrap();
+        assert_eq!(grid.q[0].iter().filter(|x| x.is_nan()).count(), 0);
+        assert!(grid.usable.iter().all(|u| *u));
+        let bridged: Vec<(f64, f64)> = (0..grid.n)
+            .filter(|&i| grid.q_sd[0][i] > 0.0)
+            .map(|i| (grid.q[0][i] - motion(i as f64 * 0.004), grid.q_sd[0][i]))
+            .collect();
+        assert!(bridged.len() >= 52, "{}", bridged.len());
+        let ratio = (bridged.iter().map(|(e, sd)| (e / sd).powi(2)).sum::<f64>() / bridged.len() as f64).sqrt();
+        assert!((0.5..1.6).contains(&ratio), "{ratio}");
+        assert!(grid.warnings[0].ends_with("in the noise"), "{:?}", grid.warnings);
+        // longer ones stay missing
+        let grid = Grid::of(&log, 0.009).unwrap();
+        assert_eq!(grid.q[0].iter().filter(|x| x.is_nan()).count(), 5);
+        assert!(grid.warnings[0].contains("frames in 1 of them are left out"), "{:?}", grid.warnings);
     }
 
     #[test]

@@ -120,8 +120,15 @@ fn one(seed: u64, sensor: Sensor) -> Vec<(JointEstimate, [f64; 5])> {
         }
         log.time_s = of(&log.time_s);
         let name = format!("r{k}");
-        let input =
-            FuseInput { trial: &name, model: &model, log: &log, base: Some(&base), imu: Some(&imu), noise: NOISE };
+        let input = FuseInput {
+            trial: &name,
+            model: &model,
+            log: &log,
+            base: Some(&base),
+            imu: Some(&imu),
+            noise: NOISE,
+            bridged_s: 0.0,
+        };
         let (motion, _) = fuse(&input).unwrap();
         let torques = log.torques_at_frames().unwrap().unwrap();
         let white = vec![NOISE.torque_nm; robot.joints.len()];

@@ -118,8 +118,15 @@ fn sensors_give_the_motion_back_and_the_clock_offset_with_an_honest_interval() {
     for seed in 0..40 {
         let (log, base) = recording(seed);
         let (log, base) = read(&log, &base).unwrap();
-        let input =
-            FuseInput { trial: "a", model: &model, log: &log, base: Some(&base), imu: Some(&imu), noise: NOISE };
+        let input = FuseInput {
+            trial: "a",
+            model: &model,
+            log: &log,
+            base: Some(&base),
+            imu: Some(&imu),
+            noise: NOISE,
+            bridged_s: 0.0,
+        };
         let (motion, report) = fuse(&input).unwrap();
         let (offset, sd) = (report.clock_offset_s.unwrap(), report.clock_offset_sd_s.unwrap());
         inside += usize::from((offset - OFFSET_S).abs() < 1.96 * sd);
@@ -205,7 +212,15 @@ fn accelerations_off_between_samples_widen_the_stated_deviations() {
             ..RobotLog::default()
         };
         let imu = Imu { link: None, position_m: [0.0; 3], rpy_rad: [0.0; 3] };
-        let input = FuseInput { trial: "a", model: &model, log: &log, base: None, imu: Some(&imu), noise: NOISE };
+        let input = FuseInput {
+            trial: "a",
+            model: &model,
+            log: &log,
+            base: None,
+            imu: Some(&imu),
+            noise: NOISE,
+            bridged_s: 0.0,
+        };
         let (motion, report) = fuse(&input).unwrap();
         assert!(report.position_ratio.unwrap() < 1.1, "{:?}", report.position_ratio);
         for i in (200..n - 200).step_by(10) {
@@ -333,7 +348,15 @@ fn gaps_leave_frames_out_and_say_so() {
     let (log, base) = read(&cut, &base).unwrap();
     let model = Model::from_spec(&robot().spec).unwrap();
     let imu = Imu { link: None, position_m: LEVER, rpy_rad: [0.0; 3] };
-    let input = FuseInput { trial: "a", model: &model, log: &log, base: Some(&base), imu: Some(&imu), noise: NOISE };
+    let input = FuseInput {
+        trial: "a",
+        model: &model,
+        log: &log,
+        base: Some(&base),
+        imu: Some(&imu),
+        noise: NOISE,
+        bridged_s: 0.0,
+    };
     let (motion, report) = fuse(&input).unwrap();
     assert_eq!(motion.n_frames(), 3000);
     assert!((58..=62).contains(&report.inner_missing_frames), "{}", report.inner_missing_frames);

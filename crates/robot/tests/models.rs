@@ -127,6 +127,9 @@ fn files_that_cannot_be_used_say_where_and_why() {
         (MJCF.replace(r#"type="slide""#, r#"type="ball""#), "line 21: a joint of type `ball`"),
         (MJCF.replace("<light", "<include file=\"x\"/><light"), "`include` is not understood"),
         (MJCF.replace("mass=\"1.0\"", "mass=\"heavy\""), "line 18: `mass` is `heavy`, expected 1 numbers"),
+        (MJCF.replace("<worldbody>", "<default/><default/><worldbody>"), "a second <default> at the top"),
+        (MJCF.replace("<worldbody>", "<compiler settotalmass=\"3\"/><worldbody>"), "`settotalmass` of <compiler>"),
+        (MJCF.replace("<worldbody>", "<compiler inertiafromgeom=\"true\"/><worldbody>"), "saveinertial=\"true\""),
         // what was no number was no limit
         (MJCF.replace("range=\"-114.6 114.6\"", "range=\"low high\""), "`range` is `low high`, expected 2 numbers"),
         (MJCF.replace("axis=\"0 1 0\"", "axis=\"0 1 0 x\""), "`axis` is `0 1 0 x`, expected 3 numbers"),
@@ -135,6 +138,26 @@ fn files_that_cannot_be_used_say_where_and_why() {
         let error = RobotModel::parse("robot", &text).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
+}
+
+/// MuJoCo turns a joint by its coordinate less `ref`: at `ref` the robot stands as it is drawn.
+#[test]
+fn a_joint_stands_as_drawn_at_its_reference() {
+    let with = MJCF.replace("axis=\"0 1 0\"", "axis=\"0 1 0\" ref=\"28.64788975654116\"");
+    assert_ne!(with, MJCF);
+    let [plain, with] = [MJCF, &with].map(|text| RobotModel::parse("robot.xml", text).unwrap());
+    let [drawn, at_reference] = [(&plain, 0.0), (&with, 0.5)].map(|(robot, angle)| {
+        let model = Model::from_spec(&robot.spec).unwrap();
+        let mut q = model.neutral();
+        let joint =
+            &model.links.iter().find(|l| robot.joints.iter().any(|j| j.link == l.name && !j.prismatic)).unwrap().joint;
+        q[joint.q_offset] = angle;
+        let mut state = State::new(&model);
+        state.forward_position(&model, &q);
+        let phi: Vec<_> = robot.spec.links.iter().map(|l| l.inertia.unwrap().to_phi()).collect();
+        state.centre_of_mass(&phi).1
+    });
+    assert!((drawn - at_reference).norm() < 1e-12, "{drawn} {at_reference}");
 }
 
 #[test]

@@ -80,7 +80,8 @@ fn a_rehearsed_log_gives_its_motion_and_clock_back() {
     let flights: Vec<(Wave, Vector3<f64>)> = turns.iter().map(|t| (wave(), *t)).collect();
     let (log, base, times) = rehearsal.record(&flights, 3);
     assert_eq!(times.len(), 2);
-    let input = FuseInput { trial: "a", model: &model, log: &log, base: Some(&base), imu: Some(&imu), noise };
+    let input =
+        FuseInput { trial: "a", model: &model, log: &log, base: Some(&base), imu: Some(&imu), noise, bridged_s: 0.0 };
     let (motion, report) = fuse(&input).unwrap();
     let (offset, sd) = (report.clock_offset_s.unwrap(), report.clock_offset_sd_s.unwrap());
     assert!((offset - 0.004).abs() < 4.0 * sd && sd < 2e-4, "{offset} ± {sd}");

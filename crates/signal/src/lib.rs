@@ -8,6 +8,7 @@
 //! | [`butterworth`] | [`LowPass`] as a user states it, [`Butterworth::filtfilt`] forward and backward, on one channel or many |
 //! | [`derivative`] | first and second derivative by fourth-order differences |
 //! | [`order`] | medians and quantiles |
+//! | [`parabola`] | the least-squares parabola of a short run |
 //! | [`runs`] | stretches of indices for which a condition holds |
 //! | [`residual_analysis`](mod@residual_analysis) | cut-off against residual, and a suggested cut-off |
 //! | [`resample`](mod@resample) | values at other times, plates to camera frames |
@@ -31,6 +32,7 @@ pub mod butterworth;
 pub mod derivative;
 mod multichannel;
 pub mod order;
+pub mod parabola;
 pub mod resample;
 pub mod residual_analysis;
 pub mod runs;
@@ -40,6 +42,7 @@ mod student;
 pub use butterworth::{Butterworth, CutoffCorrection, DesignError, FilterFacts, LowPass, Section};
 pub use derivative::derivatives;
 pub use order::{mean_and_deviation, median, median_and_deviation, one_more, quantile_of_sorted, upper_median};
+pub use parabola::{SHORT_RUN_S, parabola_of};
 pub use resample::{Interpolation, filter_and_resample, resample};
 pub use residual_analysis::{ResidualAnalysis, residual_analysis};
 pub use runs::{finite_runs, runs_where};

@@ -23,6 +23,9 @@ pub struct RobotSetup {
     /// Margin about the collision geometry inside which inertias are held, m; none if they are not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits_margin_m: Option<f64>,
+    /// Rows of a log up to this far apart are interpolated, s.
+    #[serde(default)]
+    pub fill_gaps_s: f64,
     /// Model files, as paths; the first is the one that `model` was read from. No part of a cache
     /// key.
     #[serde(skip)]
@@ -104,7 +107,7 @@ impl RobotSetup {
             InertiaLimit::None => None,
             InertiaLimit::Collision => Some(config.limits_margin_m),
         };
-        Ok(Self { description, model, spread, limits_margin_m, files })
+        Ok(Self { description, model, spread, limits_margin_m, fill_gaps_s: config.fill_gaps_s, files })
     }
 
     /// How the motion was measured, in words, for method sections.

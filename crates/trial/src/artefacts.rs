@@ -1,19 +1,23 @@
 //! Detects spikes and label swaps in marker trajectories; repairs them only on request.
 //!
 //! A spike: a marker leaves its path for a few frames and returns, with an acceleration that a body
-//! cannot reach. A swap: two markers of one segment whose distances to the segment's other markers
-//! fit far better with the labels exchanged.
+//! cannot reach. A swap: two markers, of one segment or of two, whose distances to the other
+//! markers of their segments fit far better with the labels exchanged, or that take each other's
+//! places from one frame to the next, and back. Exchanged markers are missing for those frames
+//! unless they are repaired.
 
 use crate::{Markers, Trial};
 use aloft_signal::median;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Thresholds for artefacts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ArtefactOptions {
     /// Repair: spikes become missing (to be filled as gaps), swapped labels are exchanged back.
+    /// Otherwise spikes stay, and swapped markers are missing.
     pub repair: bool,
     /// Longest spike, frames.
     pub spike_frames: usize,
@@ -75,17 +79,21 @@ impl std::fmt::Display for Finding {
             FindingKind::Swap { with } => write!(f, "`{}` and `{with}` carry each other's label", self.marker)?,
         }
         write!(f, ", frames {} to {}", self.first_frame, self.last_frame)?;
-        if self.repaired { write!(f, " (repaired)") } else { Ok(()) }
+        match &self.kind {
+            _ if self.repaired => write!(f, " (repaired)"),
+            FindingKind::Swap { .. } => write!(f, " (left out)"),
+            FindingKind::Spike => Ok(()),
+        }
     }
 }
 
-/// Finds swaps inside `segments`, then spikes in all markers; repairs where the options ask for it.
+/// Finds swaps by the markers' distances within `segments`, then spikes in all markers; repairs
+/// where the options ask for it, and leaves swapped markers out where they do not.
 pub fn find_artefacts(trial: &mut Trial, segments: &[Vec<String>], options: &ArtefactOptions) -> Vec<Finding> {
     let mut findings = Vec::new();
-    for segment in segments {
-        let members: Vec<usize> = segment.iter().filter_map(|label| trial.markers.index(label)).collect();
-        find_swaps(&mut trial.markers, &members, options, &mut findings);
-    }
+    let index = |label: &String| trial.markers.index(label);
+    let segments: Vec<Vec<usize>> = segments.iter().map(|s| s.iter().filter_map(index).collect()).collect();
+    find_swaps(&mut trial.markers, &segments, options, &mut findings);
     for marker in 0..trial.markers.labels.len() {
         find_spikes(&mut trial.markers, marker, options, &mut findings);
     }
@@ -150,87 +158,158 @@ fn find_spikes(markers: &mut Markers, marker: usize, options: &ArtefactOptions, 
     }
 }
 
-/// Swaps between the members of one segment.
-fn find_swaps(markers: &mut Markers, members: &[usize], options: &ArtefactOptions, findings: &mut Vec<Finding>) {
-    let n = members.len();
-    if n < 3 {
-        return;
-    }
-    // Typical distances; the medians are valid if a swap lasts less than half of the recording.
-    let mut usual = vec![f64::NAN; n * n];
-    for i in 0..n {
-        for j in i + 1..n {
-            let mut distances: Vec<f64> = (0..markers.n_frames)
-                .filter_map(|frame| {
-                    Some((markers.position(members[i], frame)? - markers.position(members[j], frame)?).norm())
-                })
-                .collect();
-            usual[i * n + j] = median(&mut distances);
-            usual[j * n + i] = usual[i * n + j];
+/// The other markers of a marker's segment, with the usual distances to them.
+type Mates = Vec<(usize, f64)>;
+
+/// Swaps of two markers whose segments have others.
+fn find_swaps(markers: &mut Markers, segments: &[Vec<usize>], options: &ArtefactOptions, findings: &mut Vec<Finding>) {
+    // medians are valid if a swap lasts less than half of the recording
+    let usual = |i: usize, k: usize| {
+        let between = |f: usize| Some((markers.position(i, f)? - markers.position(k, f)?).norm());
+        median(&mut (0..markers.n_frames).filter_map(between).collect::<Vec<f64>>())
+    };
+    let mates: Vec<(usize, Mates)> = segments
+        .iter()
+        .flat_map(|s| s.iter().map(move |&i| (i, s)))
+        .map(|(i, s)| {
+            let others = s.iter().filter(|&&k| k != i).map(|&k| (k, usual(i, k)));
+            (i, others.filter(|(_, d)| d.is_finite()).collect::<Mates>())
+        })
+        .filter(|(_, mates)| !mates.is_empty())
+        .collect();
+    // frames in which a marker does not fit its own segment
+    let off = |(i, mates): &(usize, Mates), f: usize| {
+        let own = markers.position(*i, f)?;
+        let errors = mates.iter().filter_map(|(k, d)| Some(((own - markers.position(*k, f)?).norm() - d).abs()));
+        let (sum, count) = errors.fold((0.0, 0.0), |s, e| (s.0 + e, s.1 + 1.0));
+        (count > 0.0).then(|| sum / count)
+    };
+    let mut pairs: Vec<(usize, usize)> = Vec::new();
+    for f in 0..markers.n_frames {
+        let apart: Vec<usize> =
+            (0..mates.len()).filter(|&a| off(&mates[a], f).is_some_and(|e| e > options.swap_floor_m)).collect();
+        for (at, &a) in apart.iter().enumerate() {
+            for &b in &apart[at + 1..] {
+                if !pairs.contains(&(a, b))
+                    && swap_size(markers, &mates[a], &mates[b], f).is_some_and(|s| s.is_sure(options))
+                {
+                    pairs.push((a, b));
+                }
+            }
         }
     }
-    for i in 0..n {
-        for j in i + 1..n {
-            let mut run: Option<(usize, f64)> = None;
-            for frame in 0..=markers.n_frames {
-                let size = if frame < markers.n_frames {
-                    swap_size(markers, members, &usual, i, j, frame, options)
-                } else {
-                    None
-                };
-                match (size, run) {
-                    (Some(size), None) => run = Some((frame, size)),
-                    (Some(size), Some((first, largest))) => run = Some((first, largest.max(size))),
-                    (None, Some((first, size_m))) => {
-                        findings.push(Finding {
-                            kind: FindingKind::Swap { with: markers.labels[members[j]].clone() },
-                            marker: markers.labels[members[i]].clone(),
-                            first_frame: first,
-                            last_frame: frame - 1,
-                            size_m,
-                            repaired: options.repair,
-                        });
-                        if options.repair {
-                            for swapped in first..frame {
-                                let other = markers.trajectories[members[j]][swapped];
-                                let own = std::mem::replace(&mut markers.trajectories[members[i]][swapped], other);
-                                markers.trajectories[members[j]][swapped] = own;
-                            }
-                        }
-                        run = None;
-                    }
-                    (None, None) => {}
-                }
+    for (a, b) in pairs {
+        let sizes: Vec<Option<Swap>> =
+            (0..markers.n_frames).map(|f| swap_size(markers, &mates[a], &mates[b], f)).collect();
+        let (i, j) = (mates[a].0, mates[b].0);
+        let sure = |f: usize| sizes[f].is_some_and(|s| s.is_sure(options));
+        // where the two are near each other, both ways fit: the better one, next to where it is
+        // sure
+        let better = |f: usize| sizes[f].is_some_and(|s| s.exchanged < s.as_is);
+        for run in aloft_signal::runs_where(markers.n_frames, better) {
+            // of a segment with two markers either may be the one: its path jumps where the swap
+            // begins
+            let alone = mates[a].1.len().min(mates[b].1.len()) < 2;
+            if !run.clone().any(sure) || !steadier_exchanged(markers, i, j, &run).unwrap_or(!alone) {
+                continue;
+            }
+            let size_m = run.clone().filter_map(|f| Some(sizes[f]?.as_is)).fold(0.0, f64::max);
+            findings.push(exchange(markers, [i, j], run, size_m, options));
+        }
+    }
+    // two markers that take each other's places from one frame to the next, and back again later
+    for i in 0..markers.labels.len() {
+        for j in i + 1..markers.labels.len() {
+            let places: Vec<(usize, f64)> =
+                (1..markers.n_frames).filter_map(|f| Some((f, trade(markers, [i, j], f, options)?))).collect();
+            for pair in places.chunks_exact(2) {
+                let size_m = pair[0].1.max(pair[1].1);
+                findings.push(exchange(markers, [i, j], pair[0].0..pair[1].0, size_m, options));
             }
         }
     }
 }
 
-/// Mean distance error of members `i` and `j` in one frame, if exchanging them removes at least 70
-/// % of it.
-fn swap_size(
-    markers: &Markers,
-    members: &[usize],
-    usual: &[f64],
-    i: usize,
-    j: usize,
-    frame: usize,
+/// Exchanges the labels of two markers in a run of frames, or leaves both out there.
+fn exchange(
+    markers: &mut Markers,
+    [i, j]: [usize; 2],
+    run: Range<usize>,
+    size_m: f64,
     options: &ArtefactOptions,
-) -> Option<f64> {
-    let n = members.len();
-    let own = markers.position(members[i], frame)?;
-    let other = markers.position(members[j], frame)?;
-    let (mut as_is, mut exchanged, mut count) = (0.0, 0.0, 0.0);
-    for k in (0..n).filter(|&k| k != i && k != j) {
-        let Some(mate) = markers.position(members[k], frame) else { continue };
-        let (to_own, to_other) = ((own - mate).norm(), (other - mate).norm());
-        let (usual_own, usual_other) = (usual[i * n + k], usual[j * n + k]);
-        if !(usual_own.is_finite() && usual_other.is_finite()) {
-            continue;
-        }
-        as_is += (to_own - usual_own).abs() + (to_other - usual_other).abs();
-        exchanged += (to_own - usual_other).abs() + (to_other - usual_own).abs();
-        count += 2.0;
+) -> Finding {
+    let finding = Finding {
+        kind: FindingKind::Swap { with: markers.labels[j].clone() },
+        marker: markers.labels[i].clone(),
+        first_frame: run.start,
+        last_frame: run.end - 1,
+        size_m,
+        repaired: options.repair,
+    };
+    for f in run {
+        let (own, other) = (markers.trajectories[i][f], markers.trajectories[j][f]);
+        let missing = Vector3::repeat(f64::NAN);
+        let [now, then] = if options.repair { [other, own] } else { [missing; 2] };
+        (markers.trajectories[i][f], markers.trajectories[j][f]) = (now, then);
     }
-    (count > 0.0 && as_is > options.swap_floor_m * count && exchanged < 0.3 * as_is).then(|| as_is / count)
+    finding
+}
+
+/// Mean way of two markers into a frame, if each comes to where the other one was.
+fn trade(markers: &Markers, [i, j]: [usize; 2], f: usize, options: &ArtefactOptions) -> Option<f64> {
+    let at = |m: usize, f: usize| markers.position(m, f);
+    let (i0, i1) = (at(i, f - 1)?, at(i, f)?);
+    let way_of_i = (i1 - i0).norm();
+    if way_of_i <= options.swap_floor_m {
+        return None;
+    }
+    let (j0, j1) = (at(j, f - 1)?, at(j, f)?);
+    let ways = |a: f64, b: f64| Swap { as_is: 0.5 * a, exchanged: 0.5 * b };
+    let swap = ways(way_of_i + (j1 - j0).norm(), (j1 - i0).norm() + (i1 - j0).norm());
+    swap.is_sure(options).then_some(swap.as_is)
+}
+
+/// True if the paths of two markers jump less at the ends of a run if their labels are exchanged in
+/// it; none if no end can be seen.
+fn steadier_exchanged(markers: &Markers, i: usize, j: usize, run: &Range<usize>) -> Option<bool> {
+    let ends = [(run.start.checked_sub(1), run.start), (Some(run.end), run.end - 1)];
+    let (mut as_is, mut exchanged, mut seen) = (0.0, 0.0, false);
+    for (outside, inside) in ends {
+        let at = |m: usize, f: usize| if f < markers.n_frames { markers.position(m, f) } else { None };
+        let Some((i0, j0)) = outside.and_then(|f| Some((at(i, f)?, at(j, f)?))) else { continue };
+        let (Some(i1), Some(j1)) = (at(i, inside), at(j, inside)) else { continue };
+        as_is += (i1 - i0).norm() + (j1 - j0).norm();
+        exchanged += (j1 - i0).norm() + (i1 - j0).norm();
+        seen = true;
+    }
+    seen.then_some(exchanged < as_is)
+}
+
+/// Mean errors of the distances of two markers to their segments' other markers.
+#[derive(Clone, Copy)]
+struct Swap {
+    as_is: f64,
+    exchanged: f64,
+}
+
+impl Swap {
+    /// True if exchanging the labels removes at least 70 % of an error that is large.
+    fn is_sure(self, options: &ArtefactOptions) -> bool {
+        self.as_is > options.swap_floor_m && self.exchanged < 0.3 * self.as_is
+    }
+}
+
+fn swap_size(markers: &Markers, (i, of_i): &(usize, Mates), (j, of_j): &(usize, Mates), f: usize) -> Option<Swap> {
+    let (own, other) = (markers.position(*i, f)?, markers.position(*j, f)?);
+    let (mut as_is, mut exchanged, mut count) = (0.0, 0.0, 0.0);
+    for (here, there, mates, not) in [(own, other, of_i, j), (other, own, of_j, i)] {
+        for (k, usual) in mates.iter().filter(|(k, _)| k != not) {
+            let Some(mate) = markers.position(*k, f) else { continue };
+            as_is += ((here - mate).norm() - usual).abs();
+            exchanged += ((there - mate).norm() - usual).abs();
+            count += 1.0;
+        }
+    }
+    // one distance of each: a marker that slid fits no better elsewhere by chance
+    (count >= 2.0).then(|| Swap { as_is: as_is / count, exchanged: exchanged / count })
 }

@@ -36,7 +36,9 @@ pub enum TrialError {
         found: String,
     },
     /// The sampling rate is out of range.
-    #[error("{trial}: {place}: sampling rate {found} Hz; expected 0.001 to 1000000 Hz")]
+    #[error(
+        "{trial}: {place}: sampling rate {found} Hz; expected 0.001 to 1000000 Hz (`import: {{rate_hz: …}}` states it)"
+    )]
     Rate {
         #[doc(hidden)]
         trial: String,

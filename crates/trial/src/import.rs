@@ -12,6 +12,7 @@ use crate::trc::read_trc;
 use crate::{ComputedPoint, Event, ImportOptions, Markers, Plate, Trial, TrialError, UpAxis, Warning, WarningKind};
 use aloft_c3d::{C3dFile, PointKind, is_unlabelled, metres_per, split_subject, strip_subject};
 use nalgebra::Vector3;
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 impl Trial {
@@ -47,9 +48,19 @@ impl Trial {
     /// For looking at a file; [`Trial::from_c3d_file`] is for using it.
     ///
     /// # Errors
-    /// Points in a unit that is not a length.
+    /// Points in a unit that is not a length; no rate.
     pub fn contents_of_c3d(name: &str, file: &C3dFile, options: &ImportOptions) -> Result<Self, TrialError> {
+        let file = &*with_rate(file, options.rate_hz);
+        if file.point_rate_hz == 0.0 {
+            return Err(TrialError::Rate { trial: name.to_owned(), place: "C3D", found: 0.0 });
+        }
         let mut trial = Self { name: name.to_owned(), ..Self::default() };
+        if let Some(rate) = options.rate_hz {
+            trial.warn(
+                WarningKind::Clock,
+                format!("the rate is {rate} Hz, as the pipeline states (`import: {{rate_hz: …}}`)"),
+            );
+        }
         trial.warnings.extend(file.warnings.iter().cloned().map(aloft_c3d::Warning::with_kind));
         read_points(&mut trial, file, options)?;
         read_plates(&mut trial, file, options);
@@ -112,6 +123,7 @@ impl Trial {
         }
         let mut trial = Self { name: name.to_owned(), ..Self::default() };
         let start_s = read_trc(&mut trial, trc_text, options)?;
+        trial.markers.rate_hz = options.rate_hz.unwrap_or(trial.markers.rate_hz);
         require_content(&trial, || "no labels".to_owned())?;
         trial.start_s = start_s;
         trial.recorded = [Some(trc_text), mot_text].into_iter().flatten().find_map(recorded_in_header);
@@ -125,6 +137,21 @@ impl Trial {
         correct_reaction_sign(&mut trial);
         Ok(trial)
     }
+}
+
+/// The file with another rate of its points: its channels keep their samples a frame.
+fn with_rate(file: &C3dFile, rate_hz: Option<f64>) -> Cow<'_, C3dFile> {
+    let Some(rate_hz) = rate_hz.filter(|rate| *rate != file.point_rate_hz) else { return Cow::Borrowed(file) };
+    let mut other = file.clone();
+    // channels and poses keep their samples a frame
+    let scaled = |rate: f64, a_frame: usize| match file.point_rate_hz {
+        known if known > 0.0 => rate * rate_hz / known,
+        _ => rate_hz * a_frame.max(1) as f64,
+    };
+    other.analog_rate_hz = scaled(file.analog_rate_hz, file.samples_per_frame());
+    other.poses.rate_hz = scaled(file.poses.rate_hz, 1);
+    other.point_rate_hz = rate_hz;
+    Cow::Owned(other)
 }
 
 /// The date in the header of a TRC (a line of keys above a line of values) or MOT (`key=value`)

@@ -31,6 +31,10 @@ pub struct ImportOptions {
     /// Length unit of the source if it states none or a wrong one (`mm`, `cm`, `dm`, `m`, `in`,
     /// `ft`).
     pub point_unit: Option<String>,
+    /// Rate of the markers, Hz, where the file states none or a wrong one. Plates of a C3D file
+    /// keep their samples a frame; force files keep their own times.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate_hz: Option<f64>,
     /// Take full names from POINT:DESCRIPTIONS if labels were truncated to four characters.
     pub full_names: bool,
     /// In text formats: three exact zeros mean a missing marker (only in markers that are non-zero
@@ -52,6 +56,7 @@ impl Default for ImportOptions {
             up_axis: None,
             strip_prefix: true,
             point_unit: None,
+            rate_hz: None,
             full_names: true,
             zero_is_missing: true,
             people: Vec::new(),

@@ -107,6 +107,9 @@ pub enum QualityReason {
         first_frame: usize,
         /// Last frame.
         last_frame: usize,
+        /// Whether they were exchanged back; otherwise both are missing in these frames.
+        #[serde(default)]
+        repaired: bool,
     },
     /// A marker with noise above the limit.
     NoisyMarker {
@@ -166,9 +169,10 @@ impl std::fmt::Display for QualityReason {
                 write!(f, "marker `{marker}` is missing in frames {first} to {last}")
             }
             Self::Spikes { marker, count } => write!(f, "marker `{marker}` has {count} spikes"),
-            Self::LabelSwap { marker, with, first_frame, last_frame } => {
+            Self::LabelSwap { marker, with, first_frame, last_frame, repaired } => {
                 let (first, last) = (first_frame + 1, last_frame + 1);
-                write!(f, "markers `{marker}` and `{with}` are exchanged in frames {first} to {last}")
+                let then = if *repaired { "exchanged back" } else { "they are missing there" };
+                write!(f, "markers `{marker}` and `{with}` are exchanged in frames {first} to {last}: {then}")
             }
             Self::NoisyMarker { marker, noise_rms_m } => {
                 write!(f, "marker `{marker}` is noisy: {:.2} mm along an axis", noise_rms_m * 1e3)
@@ -272,6 +276,7 @@ pub fn assess(
                 with: with.clone(),
                 first_frame: finding.first_frame,
                 last_frame: finding.last_frame,
+                repaired: finding.repaired,
             });
         }
     }

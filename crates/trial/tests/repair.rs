@@ -106,15 +106,23 @@ fn spikes_and_swaps_are_found_and_only_repaired_when_asked() {
     trial.markers.trajectories[0][200..230].copy_from_slice(&b[200..230]);
     trial.markers.trajectories[3][200..230].copy_from_slice(&a[200..230]);
 
-    let broken = trial.clone();
+    let mut broken = trial.clone();
     let found = find_artefacts(&mut trial, &segments, &ArtefactOptions::default());
     assert_eq!(trial.markers.labels, broken.markers.labels);
-    assert!(trial.markers.trajectories.iter().flatten().eq(broken.markers.trajectories.iter().flatten()));
+    // exchanged markers are missing; everything else stays
+    for marker in 0..4 {
+        for frame in 0..N {
+            let at = trial.markers.trajectories[marker][frame];
+            let left_out = (marker == 0 || marker == 3) && (200..230).contains(&frame);
+            assert!(if left_out { at.x.is_nan() } else { at == broken.markers.trajectories[marker][frame] });
+        }
+    }
     let seen: Vec<_> = found.iter().map(|f| (f.marker.as_str(), f.first_frame, f.last_frame)).collect();
     assert_eq!(seen[0], ("A", 200, 229), "{found:?}");
     assert_eq!(found[0].kind, FindingKind::Swap { with: "D".to_owned() });
     assert!(seen.contains(&("B", 60, 60)) && seen.contains(&("C", 120, 122)), "{found:?}");
 
+    std::mem::swap(&mut trial, &mut broken);
     let options = ArtefactOptions { repair: true, ..ArtefactOptions::default() };
     let found = find_artefacts(&mut trial, &segments, &options);
     assert!(found.iter().all(|f| f.repaired));
@@ -129,6 +137,30 @@ fn spikes_and_swaps_are_found_and_only_repaired_when_asked() {
     assert_eq!(quality.markers[2].filled_frames, 3);
     assert_eq!((quality.markers[2].gaps, quality.markers[2].spikes), (1, 1));
     assert!(quality.reasons.iter().any(|r| matches!(r, QualityReason::LabelSwap { .. })));
+}
+
+/// Two segments that turn against each other, as shanks do: markers of one carry the labels of the
+/// other for a while.
+#[test]
+fn a_swap_between_two_segments_is_found() {
+    let (mut trial, segments) = segment(0.0003);
+    let other = trial.clone();
+    for (label, track) in other.markers.labels.iter().zip(&other.markers.trajectories) {
+        trial.markers.labels.push(format!("{label}2"));
+        let turned = track.iter().map(|p| Vector3::new(-p.y, p.x, p.z + 0.02) + Vector3::new(0.3, 0.1, 0.0));
+        trial.markers.trajectories.push(turned.collect());
+    }
+    let segments = vec![segments[0].clone(), segments[0].iter().map(|l| format!("{l}2")).collect()];
+    let clean = trial.clone();
+    let (a, b) = (clean.markers.trajectories[1].clone(), clean.markers.trajectories[6].clone());
+    trial.markers.trajectories[1][80..180].copy_from_slice(&b[80..180]);
+    trial.markers.trajectories[6][80..180].copy_from_slice(&a[80..180]);
+    let options = ArtefactOptions { repair: true, ..ArtefactOptions::default() };
+    let found = find_artefacts(&mut trial, &segments, &options);
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!((found[0].marker.as_str(), found[0].first_frame, found[0].last_frame), ("B", 80, 179));
+    assert_eq!(found[0].kind, FindingKind::Swap { with: "C2".to_owned() });
+    assert!(trial.markers.trajectories == clean.markers.trajectories);
 }
 
 #[test]

@@ -15,7 +15,7 @@ use serde::Serialize;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "filter",
-    version: 2,
+    version: 3,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "`Motion`",

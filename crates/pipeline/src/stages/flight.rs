@@ -24,7 +24,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "flight",
-    version: 7,
+    version: 8,
     scope: Scope::Trial(&[Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "`Motion`, plates, prior",
@@ -96,12 +96,25 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     let mut trial = inputs.results.load_trial(name)?;
     let subject = inputs.results.load_subject("calibrate")?;
     let motion = inputs.results.load_motion("ik", name)?;
+    let length_s = motion.n_frames() as f64 / motion.rate_hz;
+    if let Some(wrong) = config.stated.iter().find(|f| f.from_s >= f.to_s.min(length_s)) {
+        return Err(StageFailure::with_hint(
+            format!(
+                "the stated flight from {} to {} s is not inside the recording of {length_s:.3} s",
+                wrong.from_s, wrong.to_s
+            ),
+            "`flight: {stated: [{from_s: …, to_s: …}]}` counts from the first frame; state it for one recording under `overrides`",
+        ));
+    }
     let options = FlightOptions {
         method: match config.source {
+            _ if !config.stated.is_empty() => FlightMethod::Stated,
+            FlightSource::Whole => FlightMethod::Stated,
             FlightSource::Auto => FlightMethod::Auto,
             FlightSource::Plates => FlightMethod::Plates,
             FlightSource::Motion => FlightMethod::Motion,
         },
+        stated_s: config.stated.iter().map(|f| [f.from_s, f.to_s]).collect(),
         threshold_n: config.threshold_n,
         min_duration_s: config.min_duration_s,
         stature_m: subject.facts.height_m,
@@ -165,12 +178,25 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     if expected && report.flights.is_empty() {
         let why: Vec<String> =
             report.rejected.iter().take(3).map(|r| format!("frames {} to {}: {}", r.start, r.end, r.reason)).collect();
-        done.warnings.push(format!(
-            "no flight found{}",
-            if why.is_empty() { String::new() } else { format!(" ({})", why.join("; ")) }
-        ));
+        let why = if why.is_empty() { seen_instead(&motion, config.min_duration_s) } else { why.join("; ") };
+        done.warnings.push(format!("no flight found ({why})"));
     }
     Ok(done)
+}
+
+/// What a motion without flights shows.
+fn seen_instead(motion: &Motion, min_duration_s: f64) -> String {
+    let heights: Vec<f64> =
+        motion.q.iter().skip(2).step_by(motion.nq.max(1)).copied().filter(|z| z.is_finite()).collect();
+    let (low, high) = heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), z| (l.min(*z), h.max(*z)));
+    match heights.len() {
+        0 => "the motion is solved in no frame".to_owned(),
+        n => format!(
+            "{:.2} s of motion, in which the body's root rises and falls by {:.2} m, and its centre of mass never falls freely for {min_duration_s} s",
+            n as f64 / motion.rate_hz,
+            high - low
+        ),
+    }
 }
 
 /// Contact sensors of a robot's log; none where it has none.

@@ -22,7 +22,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "ik",
-    version: 8,
+    version: 9,
     scope: Scope::Trial(&[Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.15,
     reads: "trial, `Subject`",

@@ -20,7 +20,7 @@ use serde_json::json;
 /// The stage.
 pub static STAGE: Stage = Stage {
     name: "import",
-    version: 12,
+    version: 13,
     scope: Scope::Trial(&[Role::Static, Role::Calibration, Role::Identify, Role::Validate]),
     seconds: 0.03,
     reads: "C3D, TRC with MOT, or BIDS-Motion; marker set (robots: joint log, base pose)",
@@ -127,10 +127,11 @@ fn run(params: &Params, inputs: &StageInputs<'_>) -> Result<StageReport, StageFa
     done.note("plates", trial.plates.len());
     done.note("filled_gaps", fills.len());
     done.note("duration_s", quality.duration_s);
-    let copies = trial.warnings.iter().filter(|w| w.kind == WarningKind::HeldMarkers);
-    let copies: Vec<&str> = copies.map(|w| w.message.as_str()).collect();
-    if !copies.is_empty() {
-        done.note("held_markers", json!(copies));
+    let copies = trial.warnings.iter().filter(|w| w.kind == WarningKind::HeldMarkers).map(|w| w.message.clone());
+    let exchanged = quality.reasons.iter().filter(|r| matches!(r, QualityReason::LabelSwap { .. }));
+    let left_out: Vec<String> = copies.chain(exchanged.map(ToString::to_string)).collect();
+    if !left_out.is_empty() {
+        done.note("left_out", json!(left_out));
     }
     if let Some(at) = &trial.recorded {
         done.note("recorded", json!(at));

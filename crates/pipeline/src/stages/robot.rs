@@ -337,7 +337,7 @@ pub fn scale(robot: &RobotSetup, facts: &Facts, inputs: &StageInputs<'_>) -> Res
             "`total_mass_kg` is the mass of the whole robot in kg, as it flew; the model's masses are in kg, too",
         ));
     }
-    let mut done = StageReport::default();
+    let mut done = StageReport { warnings: robot.model.remarks.clone().into(), ..StageReport::default() };
     if let Some(margin_m) = robot.limits_margin_m {
         let limits = InertiaLimits::of(&robot.model, &subject, margin_m);
         let limited = limits.boxes.iter().flatten().count();
@@ -396,7 +396,8 @@ pub fn motion(robot: &RobotSetup, inputs: &StageInputs<'_>) -> Result<StageRepor
     let markers: Option<(PoseNoise, Vec<LinkMarker>)> = read_json_if_there(&path)?;
     let noise = robot.description.noise;
     let noise = markers.as_ref().map_or(noise, |(own, _)| own.of(noise));
-    let input = FuseInput { trial: name, model: &subject.model, log: &log, base: base.as_ref(), imu, noise };
+    let bridged_s = robot.fill_gaps_s;
+    let input = FuseInput { trial: name, model: &subject.model, log: &log, base: base.as_ref(), imu, noise, bridged_s };
     let (motion, report) = fuse(&input).map_err(|e| failed(&e))?;
     if let (Some((own, others)), Some(base)) = (&markers, &base) {
         let offset_s = report.clock_offset_s.unwrap_or(0.0);

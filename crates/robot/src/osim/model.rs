@@ -106,7 +106,7 @@ impl OsimModel {
     /// [`RobotError::Model`] for text that is not an OpenSim 4 model, and for a model with parts
     /// that are not supported; the message names them all.
     pub fn parse(file: &str, content: &str) -> Result<Self, RobotError> {
-        let document = crate::model::parse(file, content)?;
+        let document = crate::xml::parse(file, content)?;
         let root = document.root_element();
         let problem = |p: String| RobotError::model(file, p);
         if root.tag_name().name() != "OpenSimDocument" {

@@ -27,7 +27,7 @@ pub fn patch(
 ) -> Result<Patched, RobotError> {
     let problem = |p: String| RobotError::model(&osim.file, p);
     let bodies = tree.of_bodies(osim, links, scale).map_err(problem)?;
-    let document = crate::model::parse(&osim.file, text)?;
+    let document = crate::xml::parse(&osim.file, text)?;
     let root = document.root_element();
     let model = read::child(root, "Model").ok_or_else(|| problem("it holds no model".to_owned()))?;
     let mut edits: Vec<(Range<usize>, String)> = Vec::new();

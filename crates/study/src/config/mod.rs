@@ -14,7 +14,7 @@ pub use overrides::{Override, Sections};
 pub use sections::{
     Angles, CalibrateConfig, ColumnNames, CompareConfig, Correction, CorrectionsConfig, Estimator, ExportConfig,
     FilterConfig, FlightConfig, FlightSource, ForceTimes, IdentifyConfig, IkConfig, ImportConfig, InertiaLimit,
-    PlateColumnsConfig, RegressorConfig, RobotConfig, Rows, ScaleConfig, Switch, Vertical, Weighting,
+    PlateColumnsConfig, RegressorConfig, RobotConfig, Rows, ScaleConfig, StatedFlight, Switch, Vertical, Weighting,
 };
 pub use subjects::{GRAVITY_MPS2, HEIGHT_M, MASS_KG, SubjectConfig, SubjectExclusion, SubjectsConfig};
 pub use trials::{Exclusion, StaticFrames, TrialsConfig};

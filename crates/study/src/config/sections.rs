@@ -163,6 +163,11 @@ ImportConfig {
     /// Length unit of recordings that state none or a wrong one: `mm`, `cm`, `dm`, `m`, `in`, `ft`.
     #[serde(skip_serializing_if = "Option::is_none")]
     point_unit: Option<String> = None,
+    /// Rate of the markers, Hz, where files state none or a wrong one; plates of a C3D file keep
+    /// their samples a frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.001, max = 1000000.0))]
+    rate_hz: Option<f64> = None,
     /// Strip `Subject:` from labels.
     strip_prefix: bool = true,
     /// Labels of this laboratory and the marker of the set that each means.
@@ -219,6 +224,7 @@ impl ImportConfig {
             },
             strip_prefix: self.strip_prefix,
             point_unit: self.point_unit.clone(),
+            rate_hz: self.rate_hz,
             people: self.person.iter().cloned().collect(),
             forces: self.forces.iter().map(|(name, p)| (name.clone(), plate(p))).collect(),
             force_times: match self.force_times {
@@ -310,6 +316,21 @@ pub enum FlightSource {
     Plates,
     /// Motion alone.
     Motion,
+    /// Each recording is one flight, from its first frame to its last: recordings that were cut in
+    /// the air.
+    Whole,
+}
+
+/// A flight stated by hand.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StatedFlight {
+    /// Its first frame, s from the first frame of the recording.
+    #[schemars(range(min = 0.0, max = 1_000_000.0))]
+    pub from_s: f64,
+    /// The first frame after it, likewise, s.
+    #[schemars(range(min = 1e-6, max = 1_000_000.0))]
+    pub to_s: f64,
 }
 
 section! {
@@ -317,6 +338,10 @@ section! {
 FlightConfig {
     /// How flights are found.
     source: FlightSource = FlightSource::Auto,
+    /// Flights stated by hand, in seconds from the first frame: `[{from_s: 0.40, to_s: 0.62}]`.
+    /// They are taken as they are, and none is looked for. For single recordings under `overrides`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    stated: Vec<StatedFlight> = Vec::new(),
     /// Force below which a plate counts as unloaded, N.
     #[schemars(range(min = 0.01, max = 10_000.0))]
     threshold_n: f64 = 20.0,
@@ -354,6 +379,11 @@ RobotConfig {
     /// of inertias).
     #[schemars(range(min = 0.001, max = 2.0))]
     radius_rel: f64 = 0.12,
+    /// Rows of a log up to this far apart are interpolated, with the error of the interpolation in
+    /// the noise, s. The default is half a period of a filter of 30 Hz: samples that close
+    /// determine what it keeps.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    fill_gaps_s: f64 = 0.0167,
     /// What a link's identified inertia must fit into. With `collision`, no mass is put outside the
     /// box about a link's collision geometry (boxes, cylinders, spheres, capsules, ellipsoids;
     /// links with meshes have no limit).
