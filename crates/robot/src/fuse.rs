@@ -217,7 +217,7 @@ fn poses_alone(
     let hit = impacts(&times, &positions);
     if let Some(first) = hit.first() {
         report.warnings.push(format!(
-            "{} poses in impacts, the first at {:.3} s: the velocity of the base jumps there, and the motion before and after is smoothed apart",
+            "{} poses fall within impacts, the first at {:.3} s: they are left out, and the motion before and after each impact is smoothed separately",
             hit.len(),
             times[*first]
         ));

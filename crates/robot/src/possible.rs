@@ -65,7 +65,7 @@ pub(crate) fn inertias(file: &str, spec: &mut ModelSpec) -> Result<Vec<String>, 
         }
         if let Some(nearest) = nearest_possible(inertia) {
             remarks.push(format!(
-                "the inertia of `{}` in {file} has the principal moments {:.3e}, {:.3e} and {:.3e} kg m², and no body has one above the sum of the others: the nearest possible one was taken",
+                "the inertia of `{}` in {file} has the principal moments {:.3e}, {:.3e} and {:.3e} kg m², but no body has a moment larger than the sum of the other two: the nearest possible inertia is used instead",
                 link.name, moments[0], moments[1], moments[2]
             ));
             *inertia = nearest;

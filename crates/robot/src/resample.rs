@@ -94,7 +94,7 @@ impl Grid {
         let mut warnings: Vec<String> = steps.remark(bridged_s).into_iter().collect();
         let cells = log.q.iter().flatten().filter(|x| !x.is_finite()).count();
         if cells > 0 {
-            warnings.push(format!("{cells} cells of joint columns hold no number: they are gaps of that joint"));
+            warnings.push(format!("{cells} cells of joint columns hold no number and count as gaps in that joint"));
         }
         Ok(Self { start_s, dt_s, n, q, q_sd, gyro, acc, sensors_valid, usable, warnings })
     }
@@ -165,9 +165,9 @@ impl Steps<'_> {
         let longest = gaps().max_by(|a, b| a.1.total_cmp(&b.1))?;
         let (all, open) = (gaps().count(), gaps().filter(|g| g.1 > bridged_s + JITTER * self.dt_s).count());
         let what = match open {
-            0 => "they are bridged, with the error of the interpolation in the noise".to_owned(),
+            0 => "all are interpolated, and the interpolation error is part of the noise".to_owned(),
             _ if open == all => "frames in them are left out".to_owned(),
-            _ => format!("frames in {open} of them are left out, the others are bridged"),
+            _ => format!("frames in {open} of them are left out, the others are interpolated"),
         };
         Some(format!("{all} gaps in the log, the longest of {:.3} s at {:.3} s: {what}", longest.1, longest.0))
     }
@@ -322,7 +322,7 @@ mod tests {
         assert!(bridged.len() >= 52, "{}", bridged.len());
         let ratio = (bridged.iter().map(|(e, sd)| (e / sd).powi(2)).sum::<f64>() / bridged.len() as f64).sqrt();
         assert!((0.5..1.6).contains(&ratio), "{ratio}");
-        assert!(grid.warnings[0].ends_with("in the noise"), "{:?}", grid.warnings);
+        assert!(grid.warnings[0].ends_with("part of the noise"), "{:?}", grid.warnings);
         // longer ones stay missing
         let grid = Grid::of(&log, 0.009).unwrap();
         assert_eq!(grid.q[0].iter().filter(|x| x.is_nan()).count(), 5);
